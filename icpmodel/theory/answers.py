@@ -11,7 +11,7 @@ from ..numerics import work
 from ..numerics.arrays import ReadOnly
 from ..present.display import Displayable
 
-UNDECIDED = "not decided"  #: the beginning of the reason where a limit left a question open
+UNDECIDED = "not decided"  #: the first words of the reason of an answer that a limit left open
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -27,7 +27,7 @@ class Answer(ReadOnly, Displayable):
     witness : optional
         The proof, such as a vector or an index set, or None.
     number : float or None
-        The figure behind it, such as a spectral radius.
+        The number that decides, such as a spectral radius.
 
     Examples
     --------
@@ -50,20 +50,17 @@ class Answer(ReadOnly, Displayable):
 
 @dataclass(frozen=True)
 class Allowance:
-    """What one question may cost: this number of `products` with A, each counted as `unit` nanoseconds.
-
-    `undecided` says where that, or another limit, was not enough.
-    """
+    """The work limit of one question: this number of `products` with A, each counted as `unit` nanoseconds."""
 
     products: float = math.inf
     unit: float = 1.0
 
     def enforced(self) -> AbstractContextManager[None]:
-        """Limit the cost of a block: beyond it OutOfTime is raised."""
+        """Limit the work in a block; beyond the limit OutOfTime is raised."""
         return work.work_limit(nanoseconds=self.products * self.unit)
 
     def undecided(self, error: Exception) -> str:
-        """Why there is no answer."""
+        """The reason of an unknown answer after `error`, which says that this limit or one of memory was exceeded."""
         if isinstance(error, MemoryError):
             return f"{UNDECIDED}: {error}"
         return f"{UNDECIDED} within {self.products:.3g} products with A"

@@ -1,12 +1,12 @@
-"""What is known of the solutions of a problem that is not proved to have only one.
+"""Facts about the solutions of a problem whose solution is not proved to be unique.
 
-**What is the same in all.** Let xᵀAx ≥ 0 for all x and the obstacles be fixed, one or two. Two
-solutions y and z have (y − z)ᵀ(p(y) − p(z)) ≤ 0 row by row. So (y − z)ᵀA(y − z) = 0, which is the
-least value of a convex form: (A + Aᵀ)(y − z) = 0. Hence (A + Aᵀ)z is the same in all solutions, and
-p is where A is symmetric.
+**What all solutions share.** Let xᵀAx ≥ 0 for all x and the obstacles be fixed, one or two. Two
+solutions y and z have (y − z)_i(p(y) − p(z))_i ≤ 0 in every row. So (y − z)ᵀA(y − z) = 0, the
+minimum of a convex quadratic form, where its gradient vanishes: (A + Aᵀ)(y − z) = 0. Hence
+(A + Aᵀ)z is the same in all solutions, and so is p if A is symmetric.
 
 **How z may move.** With constant and affine obstacles the solutions that have the active set of z
-are a polyhedron. Its directions are computed and its signs checked in fractions.
+are a polyhedron. Its directions are computed and its signs checked in rational arithmetic.
 
 References
 ----------
@@ -31,7 +31,7 @@ from .solution_set import ExactRows, Face, listed
 
 
 def solution_facts(problem: ProblemData, classes: MatrixClasses, z: Vector | None = None) -> Iterator[str]:
-    """Sentences on all solutions of `problem`, and on those next to the solution `z`, where it is given.
+    """Sentences on all solutions of `problem` and, if a solution `z` is given, on those near it.
 
     Parameters
     ----------
@@ -45,7 +45,7 @@ def solution_facts(problem: ProblemData, classes: MatrixClasses, z: Vector | Non
     Yields
     ------
     str
-        A sentence that is proved.
+        A proved statement.
 
     Examples
     --------
@@ -75,7 +75,7 @@ def solution_facts(problem: ProblemData, classes: MatrixClasses, z: Vector | Non
 
 
 def face_at(problem: ProblemData, z: Vector) -> Face | None:
-    """The solutions with the active set of `z` where they are not isolated; None where they are or it is not known.
+    """The face of solutions with the active set of `z`; None if they are isolated or this is not known.
 
     Examples
     --------

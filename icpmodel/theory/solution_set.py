@@ -1,9 +1,9 @@
 """All solutions of a small problem with affine obstacles, confirmed in rational arithmetic.
 
-The problem is a union of linear pieces (see `algebra.linear_rows`). Pieces that certainly hold no solution are left out
-in floats, with bounds on their rounding, and then in whole numbers those whose equations contradict each other. Every
-other one is solved in fractions. Where its system is singular, its solutions are a polyhedron, given by a point and its
-directions.
+The problem is a union of linear pieces (see `algebra.linear_rows`). First, pieces that certainly hold no solution are
+discarded in floats, with bounds on the rounding errors. Then those with contradictory equations are discarded in
+integers. Every remaining piece is solved in rational arithmetic. Where its linear system is singular, its solutions are
+a polyhedron, given by a point and directions.
 """
 
 from __future__ import annotations
@@ -34,13 +34,13 @@ from ..numerics.rounding import public_entry
 from ..present.display import Displayable, counted
 from ..problem.data import ProblemData, ProblemLike, as_problem
 
-#: problems with more pieces are refused: these take half a minute
+#: problems with more pieces are refused; this many take half a minute
 MAX_PIECES = 262_144
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Face(ReadOnly, Displayable):
-    """Solutions that are not isolated: `point` + linear combinations of `directions`, as far as no sign changes.
+    """Solutions that are not isolated: `point` + combinations of `directions`, as far as p and r keep their signs.
 
     Attributes
     ----------
@@ -62,7 +62,7 @@ class Face(ReadOnly, Displayable):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class SolutionSet(ReadOnly, Displayable):
-    """All solutions of a problem.
+    """The solutions of a problem that were found; all of them if `complete`.
 
     Attributes
     ----------
@@ -111,7 +111,7 @@ def listed(z: Vector) -> str:
 
 @dataclass(frozen=True, eq=False)
 class _ExactSolutions:
-    """A solution, or the relative interior point of a polyhedron of them, with its directions, in fractions."""
+    """In fractions: an isolated solution, or a polyhedron of them by a relative interior point and its directions."""
 
     point: Rational
     directions: list[Rational]
@@ -122,7 +122,7 @@ class _ExactSolutions:
 
 
 class ExactRows:
-    """p, r and s of `LinearRows` in whole numbers: every float is a fraction, and a row may have any unit.
+    """The rows p, r and s of `LinearRows`, each scaled to integers: every float is a fraction.
 
     A row holds the coefficients of z and a constant; it is None where there is no obstacle.
     """
@@ -161,10 +161,10 @@ class ExactRows:
         return system
 
     def consistent(self, pieces: Iterable[Any]) -> Iterator[Any]:
-        """Those of the `pieces` in which all equations hold at some z, whatever the signs. Raises OutOfTime.
+        """Yield the `pieces` whose equations are consistent, whatever the signs. Raises OutOfTime.
 
-        Rows that a piece shares with the one before, from the first one on, are not reduced again. So a contradiction
-        excludes all pieces in turn that begin with it.
+        Leading rows that a piece shares with the previous one are not eliminated again. So a contradiction among them
+        excludes all consecutive pieces that share them.
         """
         before: Any = ()
         echelons: list[Echelon] = [()]
@@ -183,7 +183,7 @@ class ExactRows:
         return bool(echelon) and echelon[-1][0] == self.n  # 0 = c ≠ 0
 
     def solve(self, sides: Any) -> _ExactSolutions | None:
-        """The solutions of the problem in a piece, None where there are none."""
+        """The solutions of the problem in a piece; None if there are none."""
         solutions = affine_solutions(self.equations(sides), self.n)
         if solutions is None:
             return None
@@ -199,10 +199,10 @@ class ExactRows:
         return _ExactSolutions(_sum(start, span, t), [_sum(none, span, direction) for direction in within[1]])
 
     def lies_in(self, solutions: _ExactSolutions, sides: Any) -> bool:
-        """Whether `solutions`, a set of solutions, is part of the piece `sides`. Raises OutOfTime.
+        """Whether the set `solutions` lies in the piece `sides`. Raises OutOfTime.
 
-        Its equations have to hold in every direction. A sign that holds at a point of the relative interior holds on
-        all of `solutions`.
+        The equations of the piece have to hold at the point and in every direction. A sign that holds at a point of
+        the relative interior holds on all of `solutions`.
         """
         work.check_budget()
         return all(
@@ -212,7 +212,7 @@ class ExactRows:
 
 
 class _Distinct:
-    """Of the sets of solutions found so far those that lie in no other one, each once: `points` and `faces`."""
+    """The sets of solutions found so far that lie in no other one: isolated `points` and `faces`."""
 
     def __init__(self, exact: ExactRows) -> None:
         self.exact = exact
@@ -220,7 +220,7 @@ class _Distinct:
         self.faces: list[tuple[Any, _ExactSolutions]] = []
 
     def add(self, sides: Any, found: _ExactSolutions) -> None:
-        """Add the solutions in the piece `sides`. Raises OutOfTime, and then nothing has changed."""
+        """Add the solutions in the piece `sides`; drop sets that lie in it. If OutOfTime is raised, nothing changes."""
         if any(self.exact.lies_in(found, other) for other, _ in self.faces):
             return
         if not found.directions:
@@ -233,7 +233,7 @@ class _Distinct:
 
 
 def _distance_rows(linear: Any, sign: int) -> list[Any]:
-    """`sign` · (z − ψ(z)) for ψ = Gz + c."""
+    """The rows of `sign` · (z − ψ(z)) for ψ = Gz + c in integers, None where c is infinite."""
     G, c = linear
     rows = []
     for i, (slopes, end) in enumerate(zip(rationals(G), c.tolist(), strict=True)):
@@ -261,7 +261,7 @@ def all_solutions(problem: ProblemLike, *, time_limit: float | None = None) -> S
     problem : ICP, or what holds or makes one
         Of up to 2¹⁸ linear pieces: n ≤ 18 with one obstacle in every row, n ≤ 11 with two.
     time_limit : float, optional
-        Seconds. What is found until then is returned, with ``complete`` False.
+        Seconds, after which the solutions found so far are returned, with ``complete`` False.
 
     Returns
     -------
@@ -273,12 +273,12 @@ def all_solutions(problem: ProblemLike, *, time_limit: float | None = None) -> S
     NotApplicable
         Where an obstacle is not affine, or there are too many pieces.
     Interrupted
-        After Ctrl-C; it carries what is found until then.
+        After Ctrl-C; it carries the solutions found so far.
 
     Notes
     -----
     In every row one of three equations holds: p_i = 0, z_i = ψ_i(z) or z_i = ψ̄_i(z). Each choice leaves a linear
-    system, which is solved and whose signs are checked. The data are taken as they stand: floats are fractions.
+    system, which is solved and whose signs are checked. The data are taken as exact: every float is a fraction.
 
     References
     ----------
@@ -316,6 +316,6 @@ def all_solutions(problem: ProblemLike, *, time_limit: float | None = None) -> S
 
 
 def plausible(problem: ProblemData) -> Any:
-    """The pieces that may hold a solution, as far as floats tell. Raises OutOfTime."""
+    """Yield the pieces that floats, rounding included, do not prove to hold no solution. Raises OutOfTime."""
     for batch in LinearRows.of(problem, np.zeros(problem.n)).batches():
         yield from batch.sides[~batch.empty]

@@ -40,15 +40,15 @@ from .proof import Proof, norm_up
 from .slopes import proofs_by_slopes
 from .supersolution import prove as prove_supersolution
 
-#: the largest number of entries of a matrix whose bounds are always sharpened: that takes a few milliseconds
+#: for matrices with at most this many entries bounds are always sharpened, in a few milliseconds
 _SHARPEN_MAX_NNZ = 10_000
-#: no further point ẑ is tried once δ(ẑ) is this share of |z − ẑ|: the bound is then good to 2 per cent
+#: no further point ẑ is tried once δ(ẑ) is at most this share of |z − ẑ|: the bound is then within 4.1 per cent
 _NEGLIGIBLE = 0.02
 #: the default work limit of a bound, in counted nanoseconds
 DEFAULT_WORK = 60e9
 #: added to the sentence of a proof that relies on a user's Lipschitz constants of ψ
 ASSUMED_PSI = ", given that psi is what the user says"
-#: added where it relies on a user's f: an infinite upper slope allows jumps, where there may be no solution
+#: added if the proof relies on a user's f: an infinite upper slope allows jumps, with which there may be no solution
 ASSUMED_F = ", given that f is continuous and has the slopes that the user says"
 #: the largest number of points ẑ
 _MAX_POINTS = 8
@@ -67,10 +67,10 @@ class ErrorBound(ReadOnly, Displayable):
     euclidean : float or None
         A bound ≥ ‖z − z*‖₂.
     proof : str
-        The sentence of the proof, empty where there is none. The proof says that the solution
-        exists and is unique, whatever z is. It ends with what is assumed of a user's functions.
+        The proof as a sentence, empty where there is none. It proves that the solution exists and
+        is unique, whatever z is. It ends with the assumptions on a user's functions.
     reason : str
-        Why nothing is proved, where nothing is.
+        Why there is no bound; empty where there is one.
 
     Examples
     --------
@@ -163,7 +163,7 @@ def error_bound(
     time_limit: float | None = None,
     memory_limit: float | None = None,
 ) -> ErrorBound:
-    """Bound |z − z*| from one evaluation of p and r, or say why there is no bound.
+    """Bound |z − z*| by the first proof of uniqueness that succeeds, or say why there is no bound.
 
     Parameters
     ----------
@@ -176,7 +176,7 @@ def error_bound(
         bound of z itself. By default as True where A has at most 10 000 entries or the bound of z
         itself is known to be loose.
     rigorous : bool, default False
-        Whether bounds are refused that depend on what a user's function computes.
+        Whether to refuse bounds that depend on the values of a user's function.
     time_limit : float, optional
         Seconds, as in `solve`; by default a minute of counted work.
     memory_limit : float, optional
@@ -201,11 +201,11 @@ def error_bound(
     it: then there is no bound. The same holds for f and its `slope_range`; f is assumed to be continuous.
 
     The point ẑ of a sharp bound comes from a few active-set Newton steps, a factorisation each.
-    That bound is mostly within a few per cent of the true error, where the bound of z itself may be
-    thousands of times too wide. A nonlinear p is replaced by its tangents in the steps, but not in the
-    bound of ẑ. By default, for larger A and affine p, ẑ comes from Newton steps with multigrid. This
-    costs about half a linear solve with the levels of `solve`. Nothing is done where the bound of z
-    itself is about ten times the error or less.
+    The sharp bound is mostly within a few per cent of the true error; the bound of z itself may be
+    thousands of times too large. A nonlinear p is replaced by its tangents in the steps, but not in the
+    bound of ẑ. By default, for larger A and affine p, ẑ comes from Newton steps with multigrid. They
+    cost about half a linear solve with the levels of `solve`. No step is made if the bound of z
+    itself is at most about ten times the error.
 
     References
     ----------
@@ -237,7 +237,10 @@ def error_bound(
 def limited_bound(
     compute: Callable[[], ErrorBound], time_limit: float | None = None, memory_limit: float | None = None
 ) -> ErrorBound:
-    """The bound that `compute` returns, or none where it exceeds a limit; see `enforce_limits`."""
+    """The bound that `compute` returns, or none if it exceeds a limit; see `enforce_limits`.
+
+    If neither limit is given, but there is an outer limit of time, exceeding that one raises.
+    """
     if work.nanoseconds_left() < math.inf and time_limit is memory_limit is None:  # the outer limit raises
         return compute()
     try:
@@ -283,9 +286,9 @@ def _bound(problem: ProblemData, z: Vector, sharp: bool | None) -> ErrorBound:
 
 
 def _without_fixed_rows(problem: ProblemData) -> ProblemData | None:
-    """The same problem with z_i for p_i where ψ_i = ψ̄_i are constants: there p may have any value at the solution.
+    """The problem with p_i replaced by z_i where ψ_i = ψ̄_i are constants: there p_i may have any value at a solution.
 
-    Where they are 0 column i does not matter either. None if there is no such row.
+    Where the constants are 0, column i of A is set to 0 as well. None if there is no such row.
     """
     facts = problem.facts
     above = facts.upper_obstacle if problem.psi.is_constant and problem.f is None else None
@@ -298,7 +301,7 @@ def _without_fixed_rows(problem: ProblemData) -> ProblemData | None:
 
 
 def lipschitz_violation(problem: ProblemData, z: Vector) -> str:
-    """What contradicts the Lipschitz matrices of ψ, ψ̄ or the slopes of f between `z` and 0; empty if nothing does."""
+    """A sentence if values at `z` and 0 contradict the Lipschitz matrix of ψ or ψ̄, or the slopes of f; else empty."""
     if problem.f is not None and (fault := problem.f.slope_violation(z)):
         return fault
     sides = zip(sides_of(problem.psi), ("psi", "upper"), strict=False)
@@ -325,7 +328,7 @@ def possible_crossing(problem: ProblemData, z: Vector, delta: Vector) -> int | N
 
 
 def perturbation_bound(problem: ProblemData, z: Vector, rounding_p: Vector, rounding_r: Vector) -> float | None:
-    """A bound on max|z − z*| if p(z) and r(z) are wrong by at most the other two; None if there is no proof."""
+    """A bound on max|z − z*|, p(z) and r(z) being known to `rounding_p` and `rounding_r`; None if none is proved."""
     problem = _once(problem, _without_fixed_rows, problem) or problem
     for proof in proofs_with_rounding(problem):
         if not isinstance(proof, str):
@@ -335,12 +338,12 @@ def perturbation_bound(problem: ProblemData, z: Vector, rounding_p: Vector, roun
 
 
 Made = TypeVar("Made")
-#: matrix, facts or problem → what was made for it, by its maker
+#: cache: matrix, facts or problem → function → its result
 _MADE: WeakKeyDictionary[Any, dict[Any, Any]] = WeakKeyDictionary()
 
 
 def _once(owner: Any, make: Callable[..., Made], *arguments: Any) -> Made:
-    """`make(*arguments)`, which depends on the `owner` only and is made once for it."""
+    """`make(*arguments)`, computed once for the `owner`, on which alone it depends."""
     made: dict[Any, Made] = _MADE.setdefault(owner, {})
     if make not in made:
         made[make] = make(*arguments)
@@ -409,8 +412,8 @@ def sharpened(
 def _newton_points(problem: ProblemData, z: Vector, proof: Proof) -> Iterator[Vector]:
     """The iterates of an active-set Newton iteration from `z`, a factorisation each.
 
-    Where p, ψ and ψ̄ are affine, an active set that comes again leaves the same equations. Where p alone is not, the
-    iteration ends when it comes again and the step is no shorter than the last one: only rounding is left.
+    If p, ψ and ψ̄ are affine, it ends when the active set repeats, as the equations are then the same. If only p is
+    nonlinear, it ends when the active set repeats and the step is no shorter than the last one: only rounding is left.
     """
     before: Pattern | None = None
     repeated = False

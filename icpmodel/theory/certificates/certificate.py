@@ -1,8 +1,8 @@
-"""The one judge: what is true of z, recomputed from (A, q, ψ, z), and which rows of z* are certain.
+"""The one judge of an answer z: its residual and error bound, from (A, q, ψ, z) only, and the proved active set of z*.
 
 Let |z − z*| ≤ δ and Δψ a bound on |ψ(z) − ψ(z*)|. p_i(z) − Σ|a_ij|δ_j > 0 proves p_i(z*) > 0, hence
 r_i(z*) = 0. r_i(z) − δ_i − Δψ_i > 0 proves r_i(z*) > 0, hence p_i(z*) = 0. Once every row is
-decided z* solves one system of equations.
+decided, z* solves one system of equations.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ NOT_COMPUTED = "it was not computed"  #: the reason of a certificate whose bound
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Certificate(Displayable):
-    """The residual, error bound, uniqueness and active set of z, recomputed from (A, q, ψ, z) by `certify`.
+    """The residual, violations, error bound and uniqueness of z, recomputed from (A, q, ψ, z) by `certify`.
 
     Attributes
     ----------
@@ -63,7 +63,7 @@ class Certificate(Displayable):
 
     @property
     def error_bound(self) -> float | None:
-        """max_i |z_i − z*_i| is at most this; None where there is no certificate (`bound.reason` says why)."""
+        """An upper bound of max_i |z_i − z*_i|; None where there is none (`bound.reason` says why)."""
         return self.bound.value
 
     @property
@@ -96,7 +96,7 @@ def certify(
     time_limit: float | None = None,
     memory_limit: float | None = None,
 ) -> Certificate:
-    """Certify an answer z of any solver: its residual, error bound, uniqueness and active set.
+    """Certify an answer z of any solver: its residual, violations, error bound and uniqueness.
 
     Parameters
     ----------
@@ -105,7 +105,7 @@ def certify(
     z : array_like of shape (n,) or Solution
         The answer.
     bound : bool, default True
-        Whether to compute an error bound as well, which may cost one linear solve.
+        Whether to compute an error bound as well, which may cost a few factorisations.
     sharp, rigorous, time_limit, memory_limit : optional
         Options of the bound, as for `icpmodel.error_bound`.
 
@@ -157,7 +157,7 @@ class ActiveSet(ReadOnly, Displayable):
     Attributes
     ----------
     active : mask of shape (n,)
-        Rows at the obstacle below.
+        Rows at the lower obstacle.
     inactive : mask of shape (n,)
         Rows off it; with an upper obstacle, off both.
     above : mask of shape (n,) or None
@@ -181,7 +181,7 @@ class ActiveSet(ReadOnly, Displayable):
         return ~decided if self.above is None else ~(decided | self.above)
 
     def completed(self, pattern: Pattern) -> tuple[Mask, Mask | None]:
-        """The active set with undecided rows taken from a pattern, as `solve_on` takes it.
+        """The active set with undecided rows taken from a pattern, in the form that `solve_on` expects.
 
         Parameters
         ----------
@@ -191,7 +191,7 @@ class ActiveSet(ReadOnly, Displayable):
         Returns
         -------
         active : mask of shape (n,)
-            Rows at the obstacle below.
+            Rows at either obstacle.
         above : mask of shape (n,) or None
             Rows at the upper obstacle.
         """
@@ -268,7 +268,7 @@ def active_set(problem: ProblemLike, z: Any, bound: ErrorBound) -> ActiveSet:
     inactive = r > error_r
     if r_upper is None:
         return ActiveSet(active & ~inactive, inactive & ~active)
-    # where a row is proved to be both, something is wrong with the bound, and nothing is said
+    # a row that is proved to be both shows that the bound is wrong, and stays undecided
     inactive &= -r_upper > error_r
     at_upper = p < -error_p
     return ActiveSet(active & ~inactive, inactive & ~active & ~at_upper, at_upper & ~inactive)

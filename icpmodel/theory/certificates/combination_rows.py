@@ -1,4 +1,4 @@
-"""What a combination of rows may take, and what is known of z: the data of a proof of infeasibility."""
+"""The data of a proof of infeasibility: the rows that a combination may take, their signs, and bounds on z."""
 
 from __future__ import annotations
 
@@ -35,10 +35,10 @@ class ProvedBounds:
 class CombinationRows:
     """The rows of Mz + m whose sign is known at every solution, and an interval for each unknown.
 
-    The first n rows are p = Az + q. Where an obstacle moves, n rows z − ψ(z) follow, and for an upper obstacle n rows
-    z − ψ̄(z). A fixed obstacle is an end of the interval `low` ≤ z ≤ `high`. Row i of Mz + m may be assumed ≥ 0 where
-    it is `nonnegative`, and ≤ 0 where it is `nonpositive`. `slopes` is M without the identity in the rows of z − ψ and
-    z − ψ̄.
+    The first n rows are p = Az + q. If an obstacle depends on z, n rows z − ψ(z) follow, and for an upper obstacle n
+    rows z − ψ̄(z). A fixed obstacle is an end of the interval `low` ≤ z ≤ `high`. Row i of Mz + m may be assumed ≥ 0
+    where it is `nonnegative`, and ≤ 0 where it is `nonpositive`. `offset` is m. `slopes` is M without the identity in
+    the rows of z − ψ and z − ψ̄.
     """
 
     slopes: sp.csr_array
@@ -87,7 +87,7 @@ class CombinationRows:
         return np.isneginf(self.low) & np.isposinf(self.high)
 
     def with_known_signs(self, y: Vector) -> Vector:
-        """The weights `y` of the first rows, with 0 for those whose sign a combination may not have."""
+        """The weights `y` of the first rows, with those of a forbidden sign set to 0."""
         allowed = self.nonnegative[: y.size] & (y > 0.0) | self.nonpositive[: y.size] & (y < 0.0)
         return np.where(allowed, y, 0.0)
 

@@ -2,7 +2,7 @@
 
 The conditions p ≥ 0 and r ≥ 0 of constant and affine obstacles are linear. Their violation is the least s ≥ 0 for
 which some z meets p ≥ −s, in the units of Res_D, and r ≥ 0. A vertex of the dual of that linear program has a minimal
-support: each proper subset of these conditions can be met. So no filter is needed.
+support: each proper subset of these conditions can be met. So no deletion filter is needed.
 
 Reference: Gleeson and Ryan, ORSA J. Comput. 2 (1990), doi:10.1287/ijoc.2.1.61.
 """
@@ -111,12 +111,12 @@ def contradiction(problem: ProblemLike) -> Contradiction | None:
     Returns
     -------
     Contradiction or None
-        None if there is no contradiction, or none is confirmed. None as well for other obstacles, for more than 60
-        rows, and if the linear program has more than 10⁵ entries or takes too many iterations.
+        None if there is no contradiction, or none is confirmed. None as well for other obstacles, for contradictions
+        of more than 60 rows, and if the linear program has more than 10⁵ entries or takes too many iterations.
 
     Notes
     -----
-    Conditions have the labels of the rows where A or q was made of pandas objects.
+    If A or q was made of pandas objects, the conditions have their row labels.
 
     Where p ≥ 0 and r ≥ 0 contradict each other there is no solution. Without a contradiction there is one where the
     obstacle is constant and A is monotone or copositive-plus; for other A there may be none.
@@ -161,8 +161,8 @@ def contradiction(problem: ProblemLike) -> Contradiction | None:
 def multipliers(problem: ProblemData) -> Vector | None:
     """A candidate y for `infeasible` by linear programming; None if there is none or it would cost too much.
 
-    If such a y exists, Σ|y| = 1, the columns of Mᵀy that need a sign are at least √ε from 0: far above rounding, which
-    cannot change it, and above the tolerance of HiGHS.
+    The columns of Mᵀy that need a sign are at least √ε from 0, if a y with Σ|y| = 1 can have that. This is far above
+    rounding errors, which then cannot change a sign, and above the tolerance of HiGHS.
     """
     minimum = _least_violation(problem, SQRT_EPSILON) or _least_violation(problem)
     return None if minimum is None else minimum.y
@@ -190,9 +190,9 @@ class _Minimum(NamedTuple):
 
 @np.errstate(all="ignore")
 def _least_violation(problem: ProblemData, margin: float = 0.0) -> _Minimum | None:
-    """The least violation of p ≥ 0 with which some z meets all conditions; of r ≥ 0 where no violation of p suffices.
+    """The least violation of p ≥ 0 with which some z meets all conditions; of r ≥ 0 if no violation of p suffices.
 
-    None where it is 0 and `margin` is 0.
+    None if it is 0 and `margin` is 0, or if it was not found.
     """
     rows = CombinationRows.of(problem)
     if rows is None:
@@ -202,7 +202,8 @@ def _least_violation(problem: ProblemData, margin: float = 0.0) -> _Minimum | No
     units = np.ones(rows.offset.size)
     units[:n] = np.where(empty, 1.0, problem.matrix.row_weights)
     of_p = np.arange(units.size) < n
-    # in the units of q_i the ends of z may be as good as 0, or q_i beside them: the program is without rows of zeros
+    # beside the q_i of a zero row of A the bounds of z may be negligible, or q_i beside them: the linear program has no
+    # zero rows
     selected = np.append(~empty, ~of_p[n:])
     minimum = _minimise(rows, units, selected, of_p, separate=margin > 0.0, margin=margin)
     if minimum is None and units.size > n:
@@ -227,10 +228,10 @@ def _minimise(
     max_violation: float = np.inf,
     margin: float = 0,
 ) -> _Minimum | None:
-    """Minimise Σs, 0 ≤ s ≤ `max_violation`, where s relaxes the conditions on those of the `selected` rows `relaxed`.
+    """Minimise Σs, 0 ≤ s ≤ `max_violation`, subject to the conditions on the `selected` rows, those `relaxed` by s.
 
-    s is one number for all rows, or with `separate` one for each. An unknown with one end is rewarded with `margin`
-    per unit of its distance from that end. Then the columns of Mᵀy are at least as far from 0.
+    s is one number for all rows, or with `separate` one for each. An unknown with one bound is rewarded by `margin`
+    per unit of distance from it. Then the columns of Mᵀy are at least `margin` from 0. None if it is not solved.
     """
     from scipy.optimize import linprog
 
@@ -264,7 +265,7 @@ def _minimise(
 
 
 def _change(problem: ProblemData, minimum: _Minimum) -> Vector | None:
-    """The dq of the `minimum` with the smallest Σ|dq_i|/d_i, or the one for its z if that is not found."""
+    """The dq of least Σ|dq_i|/d_i at the least violation, or that of the z of `minimum`; None if it is not finite."""
     rows, units, z, _, value = minimum
     of_p = np.arange(units.size) < problem.n
     selected = np.append(~problem.matrix.empty_rows, ~of_p[problem.n :])
@@ -275,7 +276,7 @@ def _change(problem: ProblemData, minimum: _Minimum) -> Vector | None:
 
 
 def _iteration_limit(K: sp.csr_array, right: Vector) -> int:
-    """How many iterations of the simplex method the work limit leaves for Kz ≥ `right`; none where it is not finite."""
+    """How many simplex iterations the work limit allows for Kz ≥ `right`; 0 if that is too large or not finite."""
     if K.nnz > _MAX_ENTRIES or not (np.isfinite(K.data).all() and np.isfinite(right).all()):
         return 0
     nanoseconds = work.COSTS.call + _ITERATION_COST * (K.nnz + sum(K.shape))

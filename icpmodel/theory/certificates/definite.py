@@ -19,18 +19,17 @@ F = min(p, r) has F(x) − F(y) = (ΔA + (I − Δ)(B − Γ))(x − y) with a d
 A null vector x of the bracket has (Ax)_i((B − Γ)x)_i ≤ 0 in every row, hence (λ − κ)‖x‖² ≤ 0. So F
 and its inverse are Lipschitz, and F is a homeomorphism of Rⁿ.
 
-‖g‖ takes a y near H⁻¹g: ‖g‖ ≤ √(yᵀHy) + ‖g − Hy‖₂/√λ for every y. Without it the curvature of an
-error, which A multiplies by λ_max, would be divided by λ_min.
+‖g‖ is bounded with a computed y ≈ H⁻¹g: ‖g‖ ≤ √(yᵀHy) + ‖g − Hy‖₂/√λ for every y. The bound
+‖g‖₂/√λ alone would divide by λ_min what A multiplies by λ_max, the curvature of an error.
 
-With an upper obstacle, a row may as well have p' ≤ 0 and z' = ψ̄, w = z − ψ̄ and u = max(p, 0).
-Then B = I − G where ψ̄ = Gz + c̄ moves alike, B = I where it moves in another way. Take any two
-points with p ≥ 0 at ψ, p ≤ 0 at ψ̄ and p = 0 in between, and ψ ≤ ψ̄ at both. Then no term (p' −
-p*)(Be − w − g) is positive. Here |g| ≤ L|x − y| is the move of ψ or of ψ̄, or a number between
-them.
+With an upper obstacle, a row may also have p' ≤ 0 and z' = ψ̄, w = z − ψ̄ and u = max(p, 0). Then
+B = I − G if ψ̄ = Gz + c̄ has the same G as ψ, else B = I. Take any two points with p ≥ 0 at ψ, p ≤ 0
+at ψ̄ and p = 0 in between, and ψ ≤ ψ̄ at both. Then no term (p' − p*)(Be − w − g) is positive. Here
+g with |g| ≤ L|x − y| is the change of ψ or of ψ̄, or a number between the two.
 
 Units: the unknowns are scaled by S = diag(A)^(−1/2) and the rows of p by S, those of r by σS⁻¹,
 which keeps the form. σ makes the largest entry of B about 1. t is then the norm of S⁻¹e. S and σ
-are powers of two, so scaling commits no error.
+are powers of two, so scaling causes no rounding error.
 
 References
 ----------
@@ -63,16 +62,16 @@ from .proof import Proof, no_lipschitz, norm_up
 
 #: up to here the factorisations take a second on a two-dimensional grid, but half a minute on a three-dimensional one
 MAX_UNKNOWNS = 50_000
-_MAX_PRODUCTS = 2_000_000  #: products in AᵀB where B is not I; it has no more entries
+_MAX_PRODUCTS = 2_000_000  #: the largest number of products in AᵀB where B is not I; AᵀB has no more entries
 
 
 @dataclass(frozen=True, eq=False)
 class DefiniteProof(Proof):
     """The data of the proof, for the problem scaled by 2^`exponent`, the rows of r by 2^`exponent_r`.
 
-    `smallest` ≤ λ and `gap` ≤ λ − κ. `A`, `B` and `L` are its Aᵀ, Bᵀ and Lᵀ, and `sizes` are |A|ᵀ, |B|ᵀ and |H|.
-    `H` differs from the symmetric part of AᵀB by at most `slack` in norm, and `factors` are about those of H. A and H
-    are dense, or CSR as the others.
+    `smallest` ≤ λ and `gap` ≤ λ − κ. The attributes `A`, `B` and `L` hold the transposes Aᵀ, Bᵀ and Lᵀ of the scaled
+    problem, and `sizes` |A|ᵀ, |B|ᵀ and |H|. `H` differs from the symmetric part of AᵀB by at most `slack` in norm, and
+    `factors` are its computed factors. A and H are dense or CSR, the others CSR.
     """
 
     smallest: float
@@ -87,7 +86,7 @@ class DefiniteProof(Proof):
     factors: Any
     sizes: tuple[Any, sp.csr_array, Any]
 
-    needs_sharpening = True  # δ knows the Euclidean norm of the error only
+    needs_sharpening = True  # δ bounds the Euclidean norm of the error only
 
     def bound(self, problem: ProblemData, z: Vector, rounding_p: Vector, rounding_r: Vector) -> tuple[Vector, float]:
         with np.errstate(over="ignore", invalid="ignore", under="ignore"), one_blas_thread():
@@ -151,7 +150,7 @@ class DefiniteProof(Proof):
 
 
 def prove(matrix: Matrix, psi: Map) -> DefiniteProof | str:
-    """λ by factorisations of the symmetric part of AᵀB, κ by the power method; both are proved bounds."""
+    """Prove λ > κ, or say why not: λ by factorisations of the symmetric part of AᵀB, κ by the power method."""
     A = matrix.sparse
     n = matrix.n
     is_full = is_dense(A)
@@ -238,8 +237,9 @@ def _symmetric_part(At: Any, B: sp.csr_array | None, gamma: float) -> tuple[Any,
 def _reflect(problem: ProblemData, z: Vector) -> tuple[Vector, Vector, Any, Vector]:
     """(p, r, sign, room): where `sign` is −1, the row is seen from the upper obstacle, p is −p and r is ψ̄ − z.
 
-    `room` ≥ 0 where z is between the obstacles: r where there is one. A row that is above the upper one is seen from
-    there, one that is below the lower one from here, and in between the sign of p decides.
+    `room` ≥ 0 where z is between the obstacles; with one obstacle it is r. Where z is above the upper obstacle the row
+    is seen from the upper one, where it is below the lower obstacle from the lower one. In between the sign of p
+    decides.
     """
     p = problem.p(z)
     r = problem.r(z)
@@ -252,7 +252,7 @@ def _reflect(problem: ProblemData, z: Vector) -> tuple[Vector, Vector, Any, Vect
 
 
 def _slopes(psi: Map, n: int) -> tuple[sp.csr_array, sp.csr_array]:
-    """B and L with r(x) − r(y) = B(x − y) − g, |g| ≤ L|x − y|; L takes up the rounding of I − G."""
+    """B and L with r(x) − r(y) = B(x − y) − g, |g| ≤ L|x − y|; L includes the rounding errors of I − G."""
     identity = sp.csr_array(sp.eye_array(n))
     if psi.linear is None or not psi.parallel:
         assert psi.lipschitz is not None

@@ -1,8 +1,8 @@
-"""Uniqueness and error bound for a few unknowns: all linear pieces of the problem are examined in fractions.
+"""Uniqueness and error bound for a few unknowns: all linear pieces of the problem are examined in rational arithmetic.
 
-With constant and affine obstacles each row is one of p_i = 0, z_i = ψ_i(z) and z_i = ψ̄_i(z). Each
-choice leaves a linear system. Where one point in all solves its system with the right signs, it is
-the one solution. Its distance to z is known up to rounding.
+With constant and affine obstacles each row satisfies p_i = 0, z_i = ψ_i(z) or z_i = ψ̄_i(z). Each
+choice leaves a linear system. If exactly one point solves such a system with the right signs, it is
+the unique solution. Its distance to z is known up to rounding.
 
 Reference: Cottle, Pang and Stone, The Linear Complementarity Problem (1992), section 1.3.
 """
@@ -20,9 +20,9 @@ from ...problem.data import ProblemData
 from ..solution_set import ExactRows, listed, plausible
 from .proof import Proof, norm_up
 
-#: linear pieces up to which all are examined, in floats first: these take a tenth of a second
+#: the largest number of linear pieces; examining them in floats takes a tenth of a second
 MAX_PIECES = 4_096
-#: pieces that are solved in fractions, a few milliseconds each
+#: the largest number of pieces that are solved in fractions, in a few milliseconds each
 MAX_EXACT_PIECES = 200
 
 
@@ -44,12 +44,12 @@ class Disproof(str):
 
 
 class NoSolution(Disproof):
-    """A sentence that there is none."""
+    """A sentence that there is no solution."""
 
 
 @np.errstate(all="ignore")  # what overflows proves nothing
 def prove(problem: ProblemData) -> EnumeratedProof | str:
-    """All pieces are examined; it depends on q as well."""
+    """Examine all pieces: the proof, a `Disproof`, or why neither was reached; it depends on q as well."""
     count = piece_count(problem)
     if count > MAX_PIECES:
         return f"there are too many linear pieces (more than {MAX_PIECES})"

@@ -1,4 +1,4 @@
-"""Combinations of rows in exact arithmetic: candidates next to a computed one, and what they prove."""
+"""Combinations of rows in exact arithmetic: candidates near a computed one, and what they prove."""
 
 from __future__ import annotations
 
@@ -22,21 +22,22 @@ Combination = dict[int, Fraction]
 
 #: the largest denominator that is tried first: the rays of problems in small whole numbers have none above it
 FIRST_DENOMINATOR = 1000
-#: nanoseconds for an entry of A in fractions, by cProfile, and six times as many for a weight; how many are too many
+#: nanoseconds per entry of A in fractions, measured with cProfile, a weight counting as six entries; and the limit
 _FRACTION_COST = 3000.0
 _MAX_COST = 4e8
 #: the largest number of rows of a combination that is sought exactly: 60 equations in random floats take .6 s
 _MAX_SUPPORT = 60
-#: nanoseconds for a number that a pivot changes, in random floats
+#: nanoseconds per number that an elimination step changes, measured with random floats
 _ELIMINATION_COST = 80.0
 
 
 def candidates_near(
     rows: CombinationRows, shares: Vector, exponents: Exponents, *, solves: bool
 ) -> Iterator[Combination]:
-    """Combinations next to 2^`exponents` · `shares`, except those of which floats say that they prove nothing.
+    """Yield combinations near 2^`exponents` · `shares`, except those that floats show to prove nothing.
 
-    If it `solves`, at most 60 rows are also combined by an exact solution of the equations.
+    With `solves`, the last one is the exact solution of the equations, empty for more than 60 rows. Nothing is yielded
+    if the work limit does not allow it.
     """
     support = np.flatnonzero(shares)
     entries = 6.0 * support.size + float(np.diff(rows.matrix.indptr)[support].sum())
@@ -52,10 +53,10 @@ def candidates_near(
 
 
 def exact_combination(rows: CombinationRows, y: Vector) -> Combination:
-    """x on the support of `y` with (Mᵀx)_j = 0 exactly where z_j has no bound, and where (Mᵀy)_j is about 0.
+    """An x on the support of `y` with (Mᵀx)_j = 0 exactly where z_j has no bound or (Mᵀy)_j is about 0.
 
-    Of equations that depend on each other up to rounding some are left out. Empty for more than 60 rows, or if there is
-    too little time left.
+    Equations that are linearly dependent up to rounding are dropped. Empty for more than 60 rows, or if there is too
+    little time left.
     """
     support = np.flatnonzero(y)
     if support.size > _MAX_SUPPORT:
@@ -105,7 +106,7 @@ def highest_value(rows: CombinationRows, y: Combination) -> tuple[Fraction, Comb
 
 @np.errstate(all="ignore")
 def _is_hopeless(rows: CombinationRows, support: NDArray[np.intp], y: Vector) -> bool:
-    """Whether floats say, beyond their rounding, that an entry of Mᵀy is on the side where z has no bound."""
+    """Whether an entry of Mᵀy is certain, rounding included, to have the sign for which z has no bound."""
     columns = sp.csr_array(rows.matrix[support].T)
     positive = product_lower_bound(columns, y) > 0.0
     negative = product_upper_bound(columns, y) < 0.0

@@ -7,12 +7,12 @@ solution z*, and for every z
 
 Proof: rows of p and of r may be scaled, so take F = min(α⁻¹p, β⁻¹r). F(z) − F(z*) = (Θα⁻¹A + (I −
 Θ)β⁻¹(I − Γ))(z − z*) with a diagonal 0 ≤ Θ ≤ I and |Γ| ≤ G. The comparison matrix of the bracket
-maps v above 1. No other scaling of the rows gives less: |min(sp, r)|/min(sα, β) is smallest at s =
-β/α. Rows without obstacle have Θ_i = 1.
+times v is at least 1 in every row. No other scaling of the rows gives a smaller bound: |min(sp,
+r)|/min(sα, β) is smallest at s = β/α. Rows without obstacle have Θ_i = 1.
 
 With an upper obstacle, let |ψ̄(x) − ψ̄(y)| ≤ G|x − y| too. F is the median mid(β⁻¹(z − ψ̄), α⁻¹p,
-β⁻¹r). Its differences are means of the three, as those of min are of the two, and the rest of the
-proof stays. As F has one zero, there is one solution if ψ ≤ ψ̄ there.
+β⁻¹r). Its differences are means of the differences of its three arguments, as those of the minimum
+are of its two. The rest of the proof holds. As F has one zero, there is one solution if ψ ≤ ψ̄ there.
 
 References
 ----------
@@ -40,7 +40,7 @@ from ...problem.matrix import Matrix
 from ..matrices.comparison_matrix import comparison_matrix, positive_diagonal, scaling_vectors
 from .proof import MAX_POLICY_STEPS, Proof, natural_map, no_lipschitz, norm_up
 
-_POLICY_UP_TO = 200_000  #: beyond this size a factorisation for every choice of rows costs too much
+_POLICY_UP_TO = 200_000  #: beyond this size the factorisations of a policy iteration cost too much
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,12 +62,12 @@ class HPlusProof(Proof):
 
 @np.errstate(over="ignore", under="ignore")  # a v that is not positive and finite is refused
 def prove(matrix: Matrix, psi: Map) -> HPlusProof | str:
-    """Search for v among `scaling_vectors`, then, if ψ needs another one, by policy iteration; again in natural units.
+    """Search for v among `scaling_vectors`, by policy iteration, by both in natural units, or say why none is found.
 
-    The best v solves v = max(D⁻¹|B|v, Gv) + 1, B the off-diagonal part of A: in each row one of two equations. A
+    The best v solves v = max(D⁻¹|B|v, Gv) + 1, B the off-diagonal part of A: in each row one of two equations holds. A
     choice of equations is a linear system. Its solution is positive for every choice if and only if some v satisfies
-    both conditions. It then grows from choice to choice (Howard's policy iteration). The signs of α and β are checked,
-    rounding included.
+    both conditions. The solutions then grow from choice to choice (Howard's policy iteration). The signs of α and β
+    are checked, rounding included.
     """
     G = psi.lipschitz
     if not (positive := positive_diagonal(matrix.sparse)).holds:
@@ -87,9 +87,9 @@ def prove(matrix: Matrix, psi: Map) -> HPlusProof | str:
 
 
 def _diagonal_scaling(matrix: Matrix, G: sp.csr_array) -> Iterator[tuple[str, Vector, Vector]]:
-    """The `_candidates` v with a lower bound α > 0 of ⟨A⟩v; for v = 1 it takes the row sums of |A| alone.
+    """Yield (name, v, α) for v = 1 and the `_candidates`, if ⟨A⟩v ≥ α > 0; v = 1 takes the row sums of |A| alone.
 
-    There is no v if ⟨A⟩1 < 0. Else divide v by its least entry v_i: v ≥ 1 = v_i has (⟨A⟩v)_i ≤ (⟨A⟩1)_i < 0.
+    If ⟨A⟩1 < 0 there is no such v: divided by its least entry v_i it would have (⟨A⟩v)_i ≤ (⟨A⟩1)_i < 0.
     """
     A = matrix.sparse
     ones = np.ones(matrix.n)
@@ -114,7 +114,7 @@ def _diagonal_scaling(matrix: Matrix, G: sp.csr_array) -> Iterator[tuple[str, Ve
 
 
 def _candidates(comparison: sp.csr_array, G: sp.csr_array) -> Iterator[tuple[str, Vector]]:
-    """Vectors that may serve A, then A and ψ, then in natural units: in others ⟨A⟩v may drown in its rounding error."""
+    """Yield candidates v for A, then for A and ψ, then in natural units: else ⟨A⟩v may be below its rounding error."""
     yield from scaling_vectors(comparison)
     diagonal = comparison.diagonal()
     if (diagonal < np.finfo(np.float64).tiny).any():
@@ -133,7 +133,7 @@ def _candidates(comparison: sp.csr_array, G: sp.csr_array) -> Iterator[tuple[str
 
 
 def _policy_iteration(rows: sp.csr_array, G: sp.csr_array) -> Iterator[tuple[str, Vector]]:
-    """The solutions v of v = max(D⁻¹|B|v, Gv) + 1 choice by choice, while they are positive; `rows` = D⁻¹⟨A⟩."""
+    """Yield the iterates of policy iteration for v = max(D⁻¹|B|v, Gv) + 1 while they are positive; `rows` = D⁻¹⟨A⟩."""
     n = rows.shape[0]
     if not G.nnz or n > _POLICY_UP_TO:
         return

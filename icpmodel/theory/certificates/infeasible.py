@@ -1,17 +1,17 @@
 """A proof that no z has p(z) ≥ 0 and r(z) ≥ 0, for constant and affine ψ: a combination of the rows that says 0 < 0.
 
-With y ≥ 0, Aᵀy ≤ 0 and (q + Ac)ᵀy < 0 every z ≥ c has (Az + q)ᵀy ≤ (Ac + q)ᵀy < 0 (Farkas). In rows
-without an obstacle p = 0 is required, and c counts as 0. There y may have either sign and (Aᵀy)_i
-must be 0.
+With y ≥ 0, Aᵀy ≤ 0 and (q + Ac)ᵀy < 0, every z ≥ c has (Az + q)ᵀy ≤ (Ac + q)ᵀy < 0 (Farkas). In
+rows without an obstacle p = 0 is required, and c counts as 0. There y may have either sign and
+(Aᵀy)_i must be 0.
 
-For some unknowns an interval may be known that contains every solution. Then (Aᵀy)_j z_j is at most
-its largest value there, whatever the sign of (Aᵀy)_j. That proves that no z solves the problem,
-though one may have p ≥ 0 and r ≥ 0. An upper obstacle, ψ̄ = c̄, is such an interval: z ≤ c̄. In
-rows that have it nothing is known of p ≥ 0, so y_i ≤ 0 there. y_i = 0 where there is one below as
-well. Then (Az + q)ᵀy ≥ 0 at every solution as before.
+If an interval is known that contains z_j at every solution, (Aᵀy)_j z_j is at most its largest value
+there, whatever the sign of (Aᵀy)_j. That proves that no z solves the problem, though one may have
+p ≥ 0 and r ≥ 0. An upper obstacle ψ̄ = c̄ gives such an interval: z ≤ c̄. A row with an upper obstacle
+only has p_i ≤ 0 at every solution, so y_i ≤ 0. In a row with both obstacles p_i may have either sign,
+so y_i = 0. Then (Az + q)ᵀy ≥ 0 at every solution as before.
 
 For ψ(z) = Gz + c the rows of r get weights as well: x, y ≥ 0, Aᵀy + (I − G)ᵀx = 0 and qᵀy − cᵀx <
-0. With an upper obstacle that moves, its rows z − ψ̄ ≤ 0 get weights ≤ 0. No entry of I − G is
+0. If an upper obstacle depends on z, its rows z − ψ̄ ≤ 0 get weights ≤ 0. No entry of I − G is
 rounded.
 
 References
@@ -43,14 +43,14 @@ _MAX_SHOWN = 4
 
 @np.errstate(all="ignore")  # what overflows proves nothing
 def infeasible(problem: ProblemData, y: Vector, known: ProvedBounds | None = None, *, accurate: bool = True) -> Answer:
-    """Whether `y`, or an exact y next to it, is such a combination, given what is `known`; its scale is irrelevant.
+    """Whether `y`, or a combination near it, proves infeasibility, given the bounds `known`; its scale is irrelevant.
 
-    Often Aᵀy has to be 0 in many rows, which floats seldom satisfy. So simple fractions next to `y` are tried, and `y`
-    itself. Where `y` is `accurate` up to rounding, so is the exact solution of these equations, if at most 60 entries
-    are nonzero. All are checked in rational arithmetic; where that is too costly, floats with a bound on every
-    rounding error are used. The answer is True or None. Its witness is y, in floats or fractions, and `number` is an
-    upper bound of (Az + q)ᵀy; without an upper obstacle (q + Ac)ᵀy. For obstacles that move, `y` and the witness are
-    (y, x), shape (2n,), with an upper obstacle (y, x, x̄).
+    Often Aᵀy has to be 0 in many rows, which floats seldom satisfy. So simple fractions near `y` are tried, and `y`
+    itself. If `y` is `accurate` up to rounding and has at most 60 nonzero entries, the exact solution of these
+    equations is tried too. All are checked in rational arithmetic. If none is a proof and `y` is accurate, floats
+    with a bound on every rounding error are used. The answer is True or None. Its witness is y, in floats or fractions,
+    and `number` is an upper bound of (Az + q)ᵀy; without an upper obstacle it is (q + Ac)ᵀy. If obstacles depend on z,
+    `y` and the witness are (y, x), shape (2n,), with an upper obstacle (y, x, x̄).
     """
     unknown = Answer(None, "no combination of the rows was found that contradicts itself")
     rows = CombinationRows.of(problem, known)
@@ -80,9 +80,9 @@ def infeasible(problem: ProblemData, y: Vector, known: ProvedBounds | None = Non
 
 
 def infeasible_as_given(problem: ProblemData, answer: Answer) -> Answer:
-    """The `answer` for `problem` without its redundant rows, as a proof for `problem` itself where it is one.
+    """Turn an `answer` for `problem` without its redundant rows into one for `problem` itself, if its y proves that.
 
-    If it is one only with the values of redundant unknowns, it says so.
+    If the proof needs the values of the redundant unknowns, its reason says so. Else `answer` is returned as it is.
     """
     fixed = with_fixed_obstacle(problem)
     c = redundant_values(fixed)
@@ -96,7 +96,7 @@ def infeasible_as_given(problem: ProblemData, answer: Answer) -> Answer:
 
 
 def answer_of(rows: CombinationRows, exact: Combination, value: Fraction, known: ProvedBounds | None = None) -> Answer:
-    """The answer by an `exact` combination whose value is `value` < 0."""
+    """The answer True, from an `exact` combination of the value `value` < 0."""
     weights = [exact.get(i, Fraction(0)) for i in range(rows.offset.size)]
     witness = as_witness(weights, lambda x: highest_value(rows, dict(enumerate(x))) is not None)
     number = nearest(value)
@@ -117,12 +117,12 @@ def _reason(rows: CombinationRows, known: ProvedBounds | None, y: Any, number: f
 
 
 def combination_text(y: Any, name: Callable[[int], str]) -> str:
-    """Which rows a combination takes, by `name`, and how often: as many as fit in a sentence."""
+    """The weights of a combination and the names of its rows, by `name`: as many as fit in a sentence."""
     used = [i for i, weight in enumerate(y) if weight]
     first = " and ".join(f"{_weight_text(y[i])} times {name(i)}" for i in used[:_MAX_SHOWN])
     return first + (f" and {len(used) - _MAX_SHOWN} rows more" if len(used) > _MAX_SHOWN else "")
 
 
 def _weight_text(weight: Any) -> str:
-    """A weight as a fraction, or about, whichever is shorter."""
+    """A weight as a fraction or as a rounded decimal, whichever is shorter."""
     return min(str(Fraction(weight)), f"about {nearest(weight):.4g}", key=len)

@@ -28,7 +28,7 @@ class Proof(ABC):
     """
 
     sentence: str
-    #: whether the bound of z itself is mostly too loose, so that a `newton_step` is worth its factorisation
+    #: whether the bound of z itself is usually so loose that a `newton_step` is worth its factorisation
     needs_sharpening: ClassVar[bool] = False
 
     def newton_step(self, problem: ProblemData, z: Vector) -> Vector | None:

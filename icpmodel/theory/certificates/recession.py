@@ -18,17 +18,17 @@ class Recession:
     Parameters
     ----------
     problem : ProblemData
-        The problem; where its obstacles are not constant no proof is tried.
+        The problem; no proof is tried unless its obstacles are constant.
     origin : array of shape (n,), default 0
-        An iterate from which directions are measured. If it solves the equations they contain none of what stays
-        bounded.
+        An iterate from which directions are measured. If it solves the equations, the directions do not contain the
+        bounded part of the iterates.
 
     Notes
     -----
     Let A be monotone and no z have p ≥ 0 and r ≥ 0. Then the iterates z of a proximal or interior
     method grow, and their direction y tends to a combination as in `infeasible`. The defect of y is
     the distance of Aᵀy to its required signs, in the units of W. Its merit is −(q + Ac)ᵀy. A y is
-    tried once the quotient of the two is small, and again whenever it is a tenth of the last one.
+    tried once the quotient of the two is small, and again whenever it has fallen to a tenth.
     """
 
     def __init__(self, problem: ProblemData, origin: Vector | float = 0.0) -> None:
@@ -40,7 +40,7 @@ class Recession:
         self._transposed = problem.A.T
 
     def proof(self, z: Vector) -> Answer:
-        """The proof, if any, by the direction to the iterate `z`, shape (n,)."""
+        """Try the direction to the iterate `z`, shape (n,), as a proof; from then on require a tenth of its misfit."""
         y = z - self.origin
         quotient = self.misfit(y)
         if not quotient < self.max_misfit:
@@ -50,9 +50,9 @@ class Recession:
 
     @np.errstate(all="ignore")
     def misfit(self, y: Vector) -> float:
-        """What is wrong with `y`, shape (n,), as a combination as in `infeasible`; inf where obstacles move.
+        """How much `y`, shape (n,), violates the signs of a combination as in `infeasible`, over its merit.
 
-        It is a share of the decrease that `y` would prove, and below `ZERO` if `y` is one up to rounding.
+        It is below `ZERO` if `y` is a proof up to rounding; inf unless the merit is positive and obstacles constant.
         """
         rows = self._rows
         if rows is None:

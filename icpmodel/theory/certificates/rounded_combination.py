@@ -1,4 +1,4 @@
-"""Combinations of rows in floats, all rounding being bounded."""
+"""Combinations of rows in floats, with bounds on all rounding errors."""
 
 from __future__ import annotations
 
@@ -25,15 +25,15 @@ def rounded_combination(rows: CombinationRows, y: Vector, exponents: Exponents) 
     K = times_rows(scale, chosen)
     right = scale * rows.offset[used]
     size = abs(K)
-    # four more than the operations of a sum, twice, as for all sums here
+    # twice the roundoff of a sum, with four operations more than it has, as for all sums here
     loss = 2.0 * (K.shape[0] + K.shape[1] + 6) * UNIT_ROUNDOFF
     # an entry that underflows is wrong by at most SMALLEST, a product of it with y_i by |y_i| times as much
     tiny = 2.0 * sum(K.shape) * SMALLEST * max(1.0, float(np.abs(y).max(initial=0.0)))
     columns = K.T @ y
     off = loss * (size.T @ np.abs(y)) + tiny
-    # entries that are 0 as scaled only are not
+    # entries that are 0 only after scaling do not count as 0
     empty = np.bincount(chosen.indices[chosen.data != 0.0], minlength=chosen.shape[1]) == 0
-    # columns whose sign is not the one that is needed
+    # columns that are not certain to have the required sign
     is_open = ~(_bounded(rows, columns, off) | empty)
     moved = np.zeros(y.size)
     if is_open.any():
@@ -55,7 +55,7 @@ def rounded_combination(rows: CombinationRows, y: Vector, exponents: Exponents) 
 
 
 def _highest_value(rows: CombinationRows, columns: Vector, off: Vector) -> tuple[float, float]:
-    """The most that wᵀz can be, w anywhere within `off` of `columns`, and the sum of its terms in absolute value."""
+    """The largest wᵀz for any w within `off` of `columns`, and the sum of the absolute values of its terms."""
     low = np.where(np.isfinite(rows.low), rows.low, 0.0)
     high = np.where(np.isfinite(rows.high), rows.high, 0.0)
     reach = np.maximum(np.abs(low), np.abs(high))
@@ -73,10 +73,10 @@ def _bounded(rows: CombinationRows, columns: Vector, off: Vector) -> Mask:
 def _entry_moves(columns: sp.csr_array, y: Vector, signed: Mask, misfit: Vector) -> Vector | None:
     """Bounds on |x − y|, entry by entry, for an x with Nx = 0, where |Ny| ≤ `misfit`.
 
-    `columns` is Nᵀ, dense only where the work and memory limits allow it. As many entries move as N has rows, those of
-    a basis B: by |B⁻¹Ny|.
+    `columns` is Nᵀ; it is made dense within the work and memory limits. As many entries move as N has rows, those of a
+    basis B: by |B⁻¹Ny|.
 
-    None where that is not known, or where the sign of a `signed` entry may change.
+    None if a limit or B does not allow it, if y moves too far, or if the sign of a `signed` entry may change.
     """
     from scipy.linalg import qr
 

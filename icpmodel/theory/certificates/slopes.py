@@ -3,8 +3,8 @@
 Let f be continuous and f_i(x_i) − f_i(y_i) = d_i(x_i − y_i) with d_i ≥ m_i for all x and y. Then p(x) − p(y) = (A +
 diag(d))(x − y). Where f jumps there may be no solution: z − ½ + sign(z) is strongly monotone and has no zero.
 
-1. ⟨A + diag(d)⟩ ≥ ⟨A⟩ + diag(m) where a_ii + m_i > 0. So the proof of `h_plus` for A + diag(m) and ψ is one for the
-   nonlinear problem, with its p.
+1. ⟨A + diag(d)⟩ ≥ ⟨A⟩ + diag(m) where a_ii + m_i > 0. So the proof of `h_plus` for A + diag(m) and ψ also holds for
+   the nonlinear problem, with its p.
 2. Let A + diag(m) be positive definite and the obstacles fixed, λ‖x‖² ≤ xᵀ(A + diag(m))x. Take any z̃ between the
    obstacles and u such that p(z̃) − u ≥ 0 at ψ, ≤ 0 at ψ̄, and = 0 in between. Then ‖z̃ − z*‖₂ ≤ ‖u‖₂/λ.
 
@@ -40,7 +40,7 @@ class MonotoneProof(Proof):
 
     definite: DefiniteProof
 
-    needs_sharpening = True  # as that of `definite`, δ knows the Euclidean norm of the error only
+    needs_sharpening = True  # as in `definite`, δ bounds the Euclidean norm of the error only
 
     def bound(self, problem: ProblemData, z: Vector, rounding_p: Vector, rounding_r: Vector) -> tuple[Vector, float]:
         low = problem.psi.value(z)
@@ -61,7 +61,7 @@ class MonotoneProof(Proof):
 
 
 def proofs_by_slopes(problem: ProblemData) -> Iterator[Proof | str]:
-    """The proofs for a problem with an f, or why there are none."""
+    """Yield the proofs for a problem with an f, or why one fails."""
     assert problem.f is not None
     bounds = problem.f.slope_range
     if bounds is None:
@@ -72,7 +72,7 @@ def proofs_by_slopes(problem: ProblemData) -> Iterator[Proof | str]:
     added = ""
     if bounds[0].any():
         A, diagonal = problem.A.copy(), problem.A.diagonal()
-        # rounded down, so that a_ii + m_i is no larger than it is
+        # rounded down: a lower bound of a_ii + m_i
         A.setdiag(np.nextafter(diagonal + bounds[0], -np.inf))
         matrix = Matrix(A)
         added = "with the least slopes of f added to its diagonal, "

@@ -1,9 +1,9 @@
 """Uniqueness and error bound for impulse control, from a strict supersolution.
 
 Let A be a Z-matrix with A1 ≥ 0 and Av > 0 for some v > 0. Let ψ be a best jump: a maximum over
-jumps, isotone, convex, ψ(z + t1) ≤ ψ(z) + t1. Let F = min(p/a, r) with any a > 0, and some s with
-F(s) ≥ m > 0. Then ICP has exactly one solution z*, z* ≤ s, and for every z with −δ ≤ F(z) ≤ u, δ ≥
-0 ≤ u:
+jumps, isotone, convex, ψ(z + t1) ≤ ψ(z) + t1. Let F = min(p/a, r) with any a > 0, and let some s
+have F(s) ≥ m > 0. Then ICP has exactly one solution z*, z* ≤ s, and for every z with −δ ≤ F(z) ≤ u,
+δ ≥ 0 ≤ u:
 
     z* − z ≤ δ/(δ + m)·(s − z)⁺    and, where u < m,    z − z* ≤ u/(m − u)·(s − z).
 
@@ -19,7 +19,7 @@ jumps 1 ⇄ 2 at the cost u each way every z = (t, t) has r = u, and no supersol
 Existence: the map z ↦ the larger of ψ(z) and of the row by row solution of p = 0 is isotone and
 continuous. It takes s down and −A⁻¹q ≤ s up, so it has a fixed point between; that is a solution.
 
-s solves min(p/a, r) = m by policy iteration; the result is checked, not believed.
+s solves min(p/a, r) = m by policy iteration; F(s) ≥ m > 0 is verified, rounding included.
 
 References
 ----------
@@ -47,8 +47,8 @@ from ..matrices.comparison_matrix import positive_diagonal, z_matrix
 from ..matrices.h_matrix import row_sum_signs
 from .proof import MAX_POLICY_STEPS, Proof, natural_map, norm_up
 
-#: the quotient of two margins m, tried one after the other from the size of the data on: large ones bound the error of
-#: a bad z
+#: the ratio of two successive margins m, tried from the size of the data downwards: large ones bound the error of a
+#: bad z as well
 _MARGIN_RATIO = 0.25
 
 
@@ -60,11 +60,11 @@ class SupersolutionProof(Proof):
     margin: float
     s: Vector
 
-    # F sees the curvature of an error, divided by h² on a grid, and the bound its largest entry only
+    # on a grid F contains second differences of the error, divided by h², and the bound takes its largest entry
     needs_sharpening = True
 
     def bound(self, problem: ProblemData, z: Vector, rounding_p: Vector, rounding_r: Vector) -> tuple[Vector, float]:
-        """Not finite where F(z) reaches the margin."""
+        """As `Proof.bound`; not finite if F(z) reaches the margin in some row."""
         with np.errstate(over="ignore", invalid="ignore"):
             F, error = _natural_map(problem, self.weight, z, rounding_p, rounding_r)
             below = max(float(np.max(error - F)), 0.0)
@@ -82,7 +82,7 @@ class SupersolutionProof(Proof):
 
 
 def prove(problem: ProblemData) -> SupersolutionProof | str:
-    """Policy iteration for a few margins m, each s checked with rounding included. It depends on q as well."""
+    """Search for m and s by policy iteration and verify them, or say why there is no proof; it depends on q as well."""
     A = problem.A
     psi = problem.psi
     if not isinstance(psi, Intervention) or psi.best != "max":
@@ -119,7 +119,7 @@ def prove(problem: ProblemData) -> SupersolutionProof | str:
 
 
 def _supersolution(problem: ProblemData, weight: Vector, start: Vector) -> tuple[float, Vector] | None:
-    """A margin m and an s with min(p/a, r) ≥ m, by policy iteration for one margin after the other."""
+    """A margin m and an s with min(p/a, r) ≥ m, by policy iteration for decreasing margins; None if none is found."""
     r = problem.r(start)
     size = max(float(np.abs(start).max()), float(np.abs(r[np.isfinite(r)]).max(initial=0.0))) or 1.0
     least = float(np.sqrt(UNIT_ROUNDOFF)) * size
@@ -142,7 +142,7 @@ def _supersolution(problem: ProblemData, weight: Vector, start: Vector) -> tuple
 
 
 def _policy_step(problem: ProblemData, weight: Vector, m: float, s: Vector) -> Vector | None:
-    """One step of policy iteration for min(p/a, r) = m: the rows with r < p/a jump where it is best at `s`."""
+    """A policy iteration step for min(p/a, r) = m: rows with r < p/a take their best jump at `s`; None if it fails."""
     psi = problem.psi.value(s)
     jumps = s - psi < problem.p(s) / weight
     J = problem.psi.jacobian(s)
@@ -150,7 +150,7 @@ def _policy_step(problem: ProblemData, weight: Vector, m: float, s: Vector) -> V
     lu = factorise(times_rows(np.where(jumps, 1.0, 1.0 / weight), newton_matrix(problem, jumps, J)))
     if lu is None:
         return None
-    # not a correction of s: with the same jumps the step is the same to the last digit
+    # the iterate, not a correction of s: with the same jumps it is the same to the last digit
     new: Vector = lu.solve(np.where(jumps, psi - J @ s, -problem.q / weight) + m)
     return new if np.isfinite(new).all() else None
 

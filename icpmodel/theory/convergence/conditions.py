@@ -4,8 +4,8 @@ Notation: M̂ = M₁ + φ, N̂ = M̂ − A, X = M̂ + Ω, m̂ and D the diagonal
 G|x − y|. ⟨·⟩ is the comparison matrix, off(·) the part off the diagonal. In the theorems as printed
 (D − Ω)⁺ = 0 and φ₂ ≥ φ₁D.
 
-**sharper.** Let z⁺ = z − 2X⁻¹min(p, Ωr). As min(a, b) − min(c, d) is a mean of a − c and b − d,
-there are a diagonal 0 ≤ Θ ≤ I and |Γ| ≤ G. With these the difference of two steps is:
+**sharper.** Let z⁺ = z − 2X⁻¹min(p, Ωr). As min(a, b) − min(c, d) is a weighted mean of a − c and
+b − d, with some diagonal 0 ≤ Θ ≤ I and |Γ| ≤ G the difference of two steps is:
 
     z⁺ − y⁺ = X⁻¹(Θ(X − 2A) + (I − Θ)(X − 2Ω + 2ΩΓ))(z − y).
 
@@ -17,7 +17,7 @@ T(v) ≤ σv with v > 0, σ < 1 makes the step a contraction by σ in max_i |z_i
 one fixed point and converges to it from everywhere. The fixed point is the one zero of min(p, Ωr),
 that is the one solution.
 
-**Two obstacles.** Let ψ̄ be above z, with |ψ̄(x) − ψ̄(y)| ≤ G|x − y| too. Then the same T serves.
+**Two obstacles.** Let ψ̄ be an upper obstacle, |ψ̄(x) − ψ̄(y)| ≤ G|x − y|. Then the same T serves.
 The step z⁺ = z − 2X⁻¹F has F = max(Ω(z − ψ̄), min(p, Ωr)), the median mid(Ω(z − ψ̄), p, Ωr) where ψ
 ≤ ψ̄. The difference of two maxima is, like that of two minima, a mean of the differences of their
 arguments. So F(z) − F(y) is in every row a mean of three differences, with weights that depend on z
@@ -79,8 +79,8 @@ from .contraction import ComparisonInverse, MonotoneMap, absolute_inverse
 class StepMatrices:
     """M₁, M̂ = M₁ + φ, N̂ = M̂ − A, X = M̂ + Ω as CSR and D, φ, φ₁, Ω as vectors, of `member` on `problem`.
 
-    M₁, M̂ and X store every diagonal entry. What a theorem makes of all this is at most twice `size` entry by entry, and
-    so are the rounding errors of making it. Where the modulus sees the newest values, no X is ever inverted.
+    M₁, M̂ and X store every diagonal entry. Every matrix that a theorem makes of these is at most 2·`size`, entry by
+    entry; `rounding_bound` covers its rounding errors. Where the modulus uses the newest values, no X is ever inverted.
     """
 
     def __init__(self, problem: ProblemData, member: Member) -> None:
@@ -91,7 +91,7 @@ class StepMatrices:
             expected = "a method of the modulus family, such as icpmodel.MNMGS()"
             raise InputError(f"member is {member!r}; {expected}, was expected")
         self.problem = problem
-        self.G: Any = problem.psi.lipschitz  # None where it is not known, and then `size` is neither
+        self.G: Any = problem.psi.lipschitz  # None where it is not known: then there is no `size`
         self.A, self.n = problem.A, problem.n
         self.D = problem.A.diagonal()
         self.splitting = member.splitting_of()
@@ -108,14 +108,14 @@ class StepMatrices:
             self.X = _add_to_diagonal(self.M, diagonal, self.omega)
             #: (D − Ω)⁺, without entries where Ω ≥ D
             self.omega_deficit = sp.csr_array(sp.diags_array(np.maximum(self.D - self.omega, 0.0)))
-        #: below which number a theorem's is small enough: 1 where only whether it holds is asked for
+        #: a theorem's number is improved until it is below this one: 1 if only whether it holds is needed
         self.target = 0.0
-        #: vectors v > 0 that served one theorem and may serve the next
+        #: vectors v > 0 that proved one theorem and may prove the next
         self.vectors: list[Vector] = []
 
     @property
     def relaxation(self) -> float:
-        """ω where M₁ = D/ω − L, NaN where it is something else."""
+        """ω where M₁ = D/ω − L; NaN for any other M₁."""
         sor = self.splitting
         return float(sor.theta1) if isinstance(sor, AOR) and sor.theta1 == sor.theta2 else np.nan
 
@@ -126,7 +126,7 @@ class StepMatrices:
 
     @cached_property
     def size(self) -> sp.csr_array:
-        """|M₁| + |φ| + Ω + |A| + ΩG."""
+        """|M₁| + |φ| + Ω + |A| + |D| + ΩG."""
         diagonal = np.abs(self.phi) + self.omega + np.abs(self.D)
         return total(absolute(self.M1), absolute(self.A), self.omega_G, sp.diags_array(diagonal))
 
@@ -175,7 +175,7 @@ def theorem_42(step: StepMatrices) -> MonotoneMap | str:
 
 
 def theorem_43(step: StepMatrices, *, as_printed: bool = False) -> MonotoneMap | str:
-    """v ↦ (max(θ₁, θ₂)/min(1, θ₁))·D⁻¹(|B| + ΩG + (D − Ω)⁺)v, as printed D⁻¹|B| + φ₂G, or which sign is wrong."""
+    """v ↦ (max(θ₁, θ₂)/min(1, θ₁))·D⁻¹(|B| + ΩG + (D − Ω)⁺)v, as printed D⁻¹|B| + φ₂G, or why 4.3 does not apply."""
     theta = step.splitting
     if not isinstance(theta, AOR):
         return "it is about AOR splittings only"
@@ -201,9 +201,9 @@ def theorem_44(step: StepMatrices) -> MonotoneMap | str:
 
 
 def printed_42(step: StepMatrices) -> MonotoneMap | str:
-    """The H-splitting condition v ↦ |m̂|⁻¹(off(|M̂|) + |N̂|)v where the bounds on g_ij hold, or which fails.
+    """The H-splitting condition v ↦ |m̂|⁻¹(off(|M̂|) + |N̂|)v where the bounds on g_ij hold, or what fails.
 
-    g_ii ≤ (|n_ii + φ_ii| − n_ii − |φ_ii|)/2ω_ii and g_ij ≤ (|m_ij| + |n_ij| − |a_ij|)/2ω_ii (φ₁ cancels), read up to
+    g_ii ≤ (|n_ii + φ_ii| − n_ii − |φ_ii|)/2ω_ii and g_ij ≤ (|m_ij| + |n_ij| − |a_ij|)/2ω_ii (φ₁ cancels), checked up to
     rounding.
     """
     if reason := _not_as_printed(step):
@@ -224,7 +224,7 @@ def printed_42(step: StepMatrices) -> MonotoneMap | str:
 
 
 def printed_44(step: StepMatrices) -> MonotoneMap | str:
-    """(⟨φ₁M₁ + φ⟩ − |φ₁N₁ + φ| − φ₂G − (φ₁D − φ₂)⁺)v > 0 with an H-splitting that the same v proves.
+    """(⟨φ₁M₁ + φ⟩ − |φ₁N₁ + φ| − φ₂G − (φ₁D − φ₂)⁺)v > 0 with an H-splitting that the same v proves, or what fails.
 
     Case (1) has φ₂ ≥ φ₁D in every row, case (2) φ₂ < φ₁D in every row. φ stands as printed, not multiplied by φ₁.
     """
@@ -245,7 +245,7 @@ def printed_44(step: StepMatrices) -> MonotoneMap | str:
 
 
 def _not_as_printed(step: StepMatrices) -> str:
-    """Which of D > 0 and φ₂ ≥ φ₁D, which 4.2 and 4.3 as printed ask for, does not hold; empty where both do."""
+    """Which of D > 0 and φ₂ ≥ φ₁D, required by 4.2 and 4.3 as printed, does not hold; empty if both hold."""
     if not (positive := positive_diagonal(step.A)).holds:
         return f"A is not an H+-matrix: {positive.reason}"
     return "" if _reaches_diagonal(step).all() else "phi2 >= phi1 D does not hold"
@@ -264,7 +264,7 @@ def theta_factor(theta: AOR) -> float:
 
 
 def _h_splitting(step: StepMatrices) -> tuple[Vector, sp.csr_array] | str:
-    """|m̂| and off(|M̂|) + |N̂|, whose difference is ⟨M̂⟩ − |N̂|; or why it is no nonsingular M-matrix."""
+    """|m̂| and off(|M̂|) + |N̂|, whose difference is ⟨M̂⟩ − |N̂|; or which diagonal rules out an H-splitting."""
     diagonal = np.abs(step.M.diagonal())
     if not (diagonal > 0).all() or not (step.D > 0).all():
         return "no H-splitting of an H+-matrix: a diagonal entry of A is not positive or one of M1 + phi is zero"
@@ -274,12 +274,15 @@ def _h_splitting(step: StepMatrices) -> tuple[Vector, sp.csr_array] | str:
 def _jacobi(
     step: StepMatrices, name: str, diagonal: Vector, *parts: sp.csr_array, limit: float = 1.0
 ) -> MonotoneMap | str:
-    """v ↦ max_k diag(`diagonal`)⁻¹F_kv of the `parts`: below 1 exactly where diag − F_k are M-matrices by one v."""
+    """v ↦ max_k diag(`diagonal`)⁻¹F_kv, F_k the `parts`; or which entry of the diagonal is not positive.
+
+    Its radius is below 1 if and only if one v > 0 proves all diag(`diagonal`) − F_k to be M-matrices.
+    """
     if not (diagonal > 0).all():
         i = int(np.argmin(diagonal > 0))
         return f"{name} is {diagonal[i]:g} in row {i}, not positive"
     work.charge_matrices(step.size.nnz, 4)
     S = sp.csr_array(sp.diags_array(diagonal))
-    # a part is at most a few times the size, which the factor of theorem 4.3 may exceed
+    # a part is at most a few times `size`, except that the factor of theorem 4.3 may be large
     size = total(step.size, *parts)
     return MonotoneMap(ComparisonInverse(S, size), parts, size, limit)

@@ -20,19 +20,19 @@ from ...numerics.fill import dense_cost
 from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF
 from ..matrices.comparison_matrix import comparison_matrix
 
-#: up to this n the inverse of an X that is no M-matrix is computed densely, and so is known from both sides
+#: up to this n the inverse of an X that is no M-matrix is computed densely, and so is bounded from both sides
 _DENSE_UP_TO = 300
-#: entries up to which a step costs a factorisation, and entries that all power steps together may read
+#: up to this number of entries Noda's steps are made, a factorisation each; entries that all power steps may read
 _MAX_FACTORISED_ENTRIES = 200_000
 _MAX_READ_ENTRIES = 400_000_000
 _MIN_GAIN = 0.01  #: a gain of this share of the distance to 1 (or to 0) is worth another step
 
 
 def absolute_inverse(X: sp.csr_array, size: sp.csr_array) -> ComparisonInverse | DenseInverse:
-    """The best known upper bound of |X⁻¹|.
+    """The best available bounds on |X⁻¹|.
 
-    For an H-matrix |X⁻¹| ≤ ⟨X⟩⁻¹, with equality for an M-matrix. For other X with n ≤ 300 there is
-    a computed inverse R, and |X⁻¹ − R| ≤ |E|(I − |E|)⁻¹|R|, E = I − RX. X itself is known to a few
+    For an H-matrix |X⁻¹| ≤ ⟨X⟩⁻¹, with equality for an M-matrix. For other X with n ≤ 300 an
+    inverse R is computed, and |X⁻¹ − R| ≤ |E|(I − |E|)⁻¹|R|, E = I − RX. X itself is known to a few
     units of roundoff of `size`.
 
     References
@@ -48,8 +48,8 @@ def absolute_inverse(X: sp.csr_array, size: sp.csr_array) -> ComparisonInverse |
 def rounding_bound(size: sp.csr_array, v: Vector) -> Vector:
     """A bound on the rounding errors of a product with `v` of a matrix of at most 2·`size`, assembly included.
 
-    8k(u·`size`|v| + 2⁻¹⁰⁷⁴), k eight more than the entries of the longest row; the second term is for underflow and
-    asks for |v| ≤ 1.
+    8k(u·`size`|v| + 2⁻¹⁰⁷⁴), k the number of entries of the longest row plus 8. The second term covers underflow if
+    |v| ≤ 1.
     Reference: Higham, Accuracy and Stability of Numerical Algorithms (2002), section 3.5.
     """
     k = int(np.diff(size.indptr).max()) + 8
@@ -57,7 +57,7 @@ def rounding_bound(size: sp.csr_array, v: Vector) -> Vector:
 
 
 class ComparisonInverse:
-    """|X⁻¹| ≤ ⟨X⟩⁻¹ by substitution or one factorisation; `exact`, `lower` and `upper` meet, where X = ⟨X⟩.
+    """|X⁻¹| ≤ ⟨X⟩⁻¹ by substitution or one factorisation; `exact` if X = ⟨X⟩, where both sides are equal.
 
     y ≥ ⟨X⟩⁻¹w is proved by ⟨X⟩y ≥ w > 0, y > 0, which also proves that ⟨X⟩ is an M-matrix.
     """
@@ -91,7 +91,7 @@ class ComparisonInverse:
         return np.maximum(y, 0.0) if good else np.zeros(w.size)
 
     def resolvent(self, mu: float, F: sp.csr_array, v: Vector) -> Vector | None:
-        """About (μI − |X⁻¹|F)⁻¹v, F ≥ 0, by (μ⟨X⟩ − F)y = ⟨X⟩v, without any proof; None where that is singular."""
+        """About (μI − |X⁻¹|F)⁻¹v, F ≥ 0, by (μ⟨X⟩ − F)y = ⟨X⟩v, not proved; None if that is singular."""
         lu = factorise(sp.csr_array(mu * self._C - F))
         return None if lu is None else lu.solve(self._C @ v)
 
@@ -105,7 +105,7 @@ class DenseInverse:
 
     @classmethod
     def of(cls, X: sp.csr_array, size: sp.csr_array) -> DenseInverse | None:
-        """The inverse of `X` (CSR, shape (n, n)) with a bound on its error, or None where it is too ill conditioned."""
+        """Bounds from a computed inverse of `X` (CSR, shape (n, n)) and its error; None if X is too ill conditioned."""
         n = X.shape[0]
         work.charge(4 * dense_cost(n))
         with np.errstate(all="ignore"):
@@ -142,14 +142,14 @@ class DenseInverse:
 
 
 class HomogeneousMap(Protocol):
-    """T ≥ 0 on v ≥ 0, monotone and positively homogeneous, known from both sides; `limit` as in `MonotoneMap`."""
+    """T ≥ 0 on v ≥ 0, monotone, positively homogeneous, and bounded from both sides; `limit` as in `MonotoneMap`."""
 
     @property
     def limit(self) -> float: ...
 
     @property
     def entries(self) -> int:
-        """How many entries of matrices one evaluation reads; solves with X and sweeps count themselves."""
+        """How many matrix entries one evaluation reads; solves with X and sweeps charge their own cost."""
 
     def upper(self, v: Vector) -> Vector:
         """At least T(`v`), entry by entry, for `v` > 0 of shape (n,)."""
@@ -158,7 +158,7 @@ class HomogeneousMap(Protocol):
         """At most T(`v`), entry by entry, for `v` ≥ 0 of shape (n,); zero where nothing is known."""
 
     def resolvent(self, mu: float, v: Vector) -> Vector | None:
-        """(μI − T_v)⁻¹v with T_v the linear map that T is at `v`: one step of Noda's iteration, unproved."""
+        """About (μI − T_v)⁻¹v, T_v the linear map equal to T at `v`: a step of Noda's iteration; None if singular."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,7 +166,7 @@ class MonotoneMap:
     """T(v) = |X⁻¹| max_k F_k v, the maximum entry by entry.
 
     `inverse` is |X⁻¹|, `parts` are the F_k ≥ 0 (CSR, shape (n, n)), `size` a matrix ≥ F_k/2 of which the F_k are known
-    to a few units of roundoff. `limit`·ρ(T) < `limit` is what a theorem asks for in its own words.
+    to a few units of roundoff. A theorem states its condition ρ(T) < 1 as `limit`·ρ(T) < `limit`.
     """
 
     inverse: ComparisonInverse | DenseInverse
@@ -211,7 +211,7 @@ def radius(T: HomogeneousMap, starts: Iterable[Vector], target: float = 0.0) -> 
     starts : iterable of arrays of shape (n,)
         Candidates for v. They are read only until one gives a quotient below 1.
     target : float, default 0
-        The iteration ends below it: 1 where only `holds` is needed.
+        The iteration ends once the upper bound is below it: 1 if only `holds` is needed.
 
     Returns
     -------
@@ -228,9 +228,9 @@ def radius(T: HomogeneousMap, starts: Iterable[Vector], target: float = 0.0) -> 
     Every v > 0 gives ρ(T) ≤ max_i T(v)_i/v_i. ρ(T) < 1 if and only if some v > 0 has T(v) < v.
     Every v ≥ 0, v ≠ 0 with T(v) ≥ v where v > 0 gives ρ(T) ≥ 1.
 
-    The best of `starts` is improved by v ← T(v) + v/4·ρ, which never makes the quotient larger.
-    Where a sparse factorisation is cheap Noda's iteration follows: v ← (μI − T_v)⁻¹v, μ the
-    quotient. It converges quadratically and keeps v > 0. Both go on within the work limit.
+    Where a sparse factorisation is cheap, the best of `starts` is improved by Noda's iteration:
+    v ← (μI − T_v)⁻¹v, μ = max_i T(v)_i/v_i. It converges quadratically and keeps v > 0. Then the
+    steps v ← T(v) + ¼μv follow, which never increase μ. Both stop at the work limit.
 
     References
     ----------
@@ -294,7 +294,7 @@ def _noda(T: HomogeneousMap, best: Radius, target: float) -> Radius:
 
 
 def _power(T: HomogeneousMap, best: Radius, steps: int, target: float) -> tuple[Radius, Vector]:
-    """Power steps for as long as they gain, or until T(v) ≥ v: the best bound and the last v."""
+    """Make power steps while they gain, or until T(v) ≥ v; return the best bound and the last v."""
     v = best.v
     for step in range(steps):
         if best.upper < target or work.nanoseconds_left() < _cost(T):
@@ -312,7 +312,7 @@ def _power(T: HomogeneousMap, best: Radius, steps: int, target: float) -> tuple[
 
 
 def _invariant_part(T: HomogeneousMap, v: Vector) -> bool:
-    """Whether T(u) ≥ u on the support of some u ≤ v, u ≠ 0, that arises by dropping the entries that fail."""
+    """Whether T(u) ≥ u on the support of some u ≠ 0 that arises from `v` by setting entries that fail to 0."""
     u = v.copy()
     for _ in range(50):
         if work.nanoseconds_left() < _cost(T):

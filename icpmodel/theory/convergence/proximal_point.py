@@ -8,8 +8,8 @@ step is its resolvent:
 
     ‖z^{k+1} − z*‖² ≤ ‖z^k − z*‖² − ‖z^{k+1} − z^k‖² for every solution z*.
 
-So if there is a solution, zᵏ converges to one from every start. It does so also where each step is
-inexact and the errors have a finite sum. If there is no solution, zᵏ is not bounded. The map is
+So if there is a solution, zᵏ converges to one from every start. It also does if the steps are
+inexact and their errors have a finite sum. If there is no solution, zᵏ is not bounded. The map is
 polyhedral, so near the solutions the distance d to them has d^{k+1} ≤ d^k·Cμ_k/√(1 + C²μ_k²) for
 some C. The smaller μ_k the faster, and faster than linear for μ_k → 0.
 
@@ -39,7 +39,7 @@ def proximal_point(problem: ProblemLike) -> Answer:
     Returns
     -------
     Answer
-        No and unknown say that the theorem does not apply.
+        Yes if the theorem applies, no if not, unknown if it is not known whether A is monotone.
 
     References
     ----------

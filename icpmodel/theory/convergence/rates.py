@@ -1,4 +1,4 @@
-"""Predicted rates: how many steps a method of the modulus family can need, before it is run."""
+"""Predicted rates: bounds on the number of steps of a method of the modulus family, before it is run."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from .theorems import Check, check_all
 
 @dataclass(frozen=True, eq=False)
 class Rate(Displayable, ABC):
-    """A proved rate: every step, in exact arithmetic, reduces a norm of z − z* to `factor` times it, or less.
+    """A proved rate: every step, in exact arithmetic, multiplies a norm of z − z* by at most `factor`.
 
     Attributes
     ----------
@@ -35,7 +35,7 @@ class Rate(Displayable, ABC):
     v : array of shape (n,)
         The weights v > 0 of the norm.
     sentence : str
-        The theorem behind them.
+        The theorem that proves it.
     norm : str
         The norm in words.
 
@@ -83,7 +83,7 @@ class Rate(Displayable, ABC):
         Raises
         ------
         InputError
-            For another A or ψ, or another z0.
+            For a problem with another A or ψ, or a z0 of another shape or not finite.
         """
         problem = as_problem(problem)
         step = self._step
@@ -95,16 +95,16 @@ class Rate(Displayable, ABC):
             omega = step.omega
             r_upper = problem.r_upper(z0)
             F = np.minimum(problem.p(z0), omega * r)
-            if r_upper is not None:  # where the obstacles cross as well: what the step is made of
+            if r_upper is not None:  # as in the step of the method, also where the obstacles cross
                 F = np.maximum(F, omega * r_upper)
             rounding_p, rounding_r = problem.rounding(z0)
-            # either side may be the smaller one, within its error
+            # within its error, either argument may be the smaller one
             rounding_F = np.maximum(rounding_p, omega * rounding_r) + 4 * UNIT_ROUNDOFF * np.abs(F)
             return float(np.nan_to_num(self._distance(problem, z0, F, rounding_F), nan=math.inf, posinf=math.inf))
 
     @abstractmethod
     def _distance(self, problem: ProblemData, z0: Vector, F: Vector, rounding_F: Vector) -> float:
-        """See `distance`; F at z⁰, min(p, Ωr) or the median, known to `rounding_F`. NaN where nothing is known."""
+        """See `distance`. F at z⁰, min(p, Ωr) or the median, is known to `rounding_F`. NaN if no bound is known."""
 
     def error_after(self, k: int, distance: float) -> Vector:
         """A bound on |zᵏ − z*| entry by entry: factorᵏ·distance·v.
@@ -114,7 +114,7 @@ class Rate(Displayable, ABC):
         k : int
             The number of steps.
         distance : float
-            The distance of z⁰, as `distance` gives it: 0 or more, or infinite.
+            The result of `distance` for z⁰: 0 or more, or infinite.
 
         Returns
         -------
@@ -124,7 +124,7 @@ class Rate(Displayable, ABC):
         Raises
         ------
         InputError
-            For another k or distance.
+            If k is no whole number ≥ 0, or the distance no number ≥ 0.
         """
         k = int(as_number(k, "k", minimum=0, whole=True))
         if not (isinstance(distance, float | np.floating) and distance == math.inf):
@@ -148,7 +148,7 @@ class Rate(Displayable, ABC):
         Returns
         -------
         int or None
-            The number; None where none is known.
+            The number; None if none is known.
 
         Raises
         ------
@@ -183,13 +183,13 @@ class Contraction(Rate):
     norm = "max_i |z_i - z*_i|/v_i"
 
     def _map(self) -> HomogeneousMap:
-        """T, T(v) ≤ factor·v."""
+        """The map T with T(v) ≤ factor·v."""
         return sharper(self._step)
 
     def steps(self, problem: ProblemData, z0: Any, accuracy: Any) -> int | None:
-        """The smaller number of two norms, that of v and, where it proves a factor below 1, the maximum norm.
+        """The smaller of the numbers by two norms: that of v and, if it has a factor below 1, the maximum norm.
 
-        The factor in the maximum norm may be larger, but nothing is lost between it and the entries of z.
+        The factor in the maximum norm may be larger, but this norm is itself the bound on the entries of z.
         """
         numbers = [Rate.steps(self, problem, z0, accuracy)]
         ones = np.ones(self.v.size)
@@ -205,7 +205,7 @@ class Contraction(Rate):
         return float((moved / self.v).max()) / (1.0 - self.factor) * (1 + 16 * UNIT_ROUNDOFF)
 
     def _first_step(self, F: Vector, rounding_F: Vector) -> Vector:
-        """With d about z⁰ − z¹ = 2X⁻¹F it is |z⁰ − z¹| ≤ |d| + |X⁻¹||Xd − 2F|."""
+        """The bound |z⁰ − z¹| ≤ |d| + |X⁻¹||Xd − 2F| with a computed d ≈ z⁰ − z¹ = 2X⁻¹F."""
         step = self._step
         d = step.splitting.operator(step.A, step.phi + step.omega).solve(2.0 * F)
         defect = np.abs(step.X @ d - 2.0 * F) + 2.0 * rounding_F + rounding_bound(step.size, d)
@@ -214,13 +214,13 @@ class Contraction(Rate):
 
 
 class RowwiseContraction(Contraction):
-    """The same norm, where the modulus sees the newest values: theorem "rowwise"."""
+    """The same norm, where the modulus uses the newest values: theorem "rowwise"."""
 
     def _map(self) -> SweepMap:
         return SweepMap(self._step)
 
     def _first_step(self, F: Vector, rounding_F: Vector) -> Vector:
-        """|z⁰ − z¹| ≤ the d with d_i = |F_i|/Ω_i + (ω/a_ii)Σ_{j<i} |a_ij|d_j, Ω = D/ω up to rounding."""
+        """The bound |z⁰ − z¹| ≤ d, d_i = |F_i|/Ω_i + (ω/a_ii)Σ_{j<i} |a_ij|d_j, Ω = D/ω up to rounding."""
         own = (np.abs(F) + rounding_F) / self._step.omega * (1 + 16 * UNIT_ROUNDOFF) + SMALLEST
         return self._map().solve_lower(own)
 
@@ -231,7 +231,7 @@ class PeacemanRachford(Rate):
     norm = "|Omega^(-1/2)(A + Omega)(z - z*)|_2"
 
     def _distance(self, problem: ProblemData, z0: Vector, F: Vector, rounding_F: Vector) -> float:
-        """(A + Ω)(z⁰ − z¹) = 2F gives one bound, |A + Ω| times an error bound of z⁰ another."""
+        """The smaller of two bounds: from (A + Ω)(z⁰ − z¹) = 2F, and |A + Ω| times an error bound of z⁰."""
         by_step = norm_up(2 * (np.abs(F) + rounding_F) * self.v) / (1 - self.factor)
         delta = error_bound(problem, z0, sharp=True).componentwise
         by_bound = math.inf if delta is None else norm_up(product_upper_bound(abs(self._step.X), delta) * self.v)
@@ -249,7 +249,7 @@ def predicted_rate(problem: ProblemData, member: Member, checks: dict[str, Check
     member : Member
         A method of the modulus family.
     checks : dict of str to Check, optional
-        The result of `check_all` for the two, if there is one.
+        `check_all(problem, member)`, if it is known already.
 
     Returns
     -------
@@ -263,9 +263,9 @@ def predicted_rate(problem: ProblemData, member: Member, checks: dict[str, Check
 
     Notes
     -----
-    It is the factor of the theorem "sharper". That holds with the same v wherever 4.1 to 4.4 do, and
-    the best factor is no larger; v is computed to about a hundredth. Where it does not hold, it is the
-    factor of "definite". Where the modulus uses the newest values it is that of "rowwise".
+    The factor is that of theorem "sharper", which holds with the same v wherever 4.1 to 4.4 do. Its
+    best factor is no larger than theirs; v is optimised to about a hundredth. If "sharper" does not
+    hold, the factor is that of "definite"; if the modulus uses the newest values, that of "rowwise".
 
     References
     ----------
@@ -289,7 +289,7 @@ def predicted_rate(problem: ProblemData, member: Member, checks: dict[str, Check
     return checks["rowwise" if getattr(member, "sees_newest", False) else "sharper"]
 
 
-#: the theorems that tell a factor, and the norm it holds in
+#: the theorems that give a factor, and the rate in the norm of each
 _RATE_CLASSES: dict[str, type[Rate]] = {
     "sharper": Contraction,
     "rowwise": RowwiseContraction,

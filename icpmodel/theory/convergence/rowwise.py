@@ -4,7 +4,7 @@
 
     z_i⁺ = max(ψ_i(z), z_i − (ω/a_ii)(Σ_{j<i} a_ij z_j⁺ + Σ_{j≥i} a_ij z_j + q_i)).
 
-The newest values are in Az, while ψ takes the z at the start of the sweep. For v > 0 let T(v) = w:
+Az takes the newest values, and ψ the z at the start of the sweep. For v > 0 let T(v) = w:
 
     w_i = max((Gv)_i, |1 − ω|v_i + (ω/a_ii)(Σ_{j<i} |a_ij|w_j + Σ_{j>i} |a_ij|v_j)).
 
@@ -22,13 +22,13 @@ both sweeps take in every row the side of the maximum that w takes. (Gw)_i in pl
 be wrong, and so would v_j in place of w_j where w_j > v_j.
 
 With an upper obstacle, z_i⁺ is the minimum of ψ̄_i(z) and that maximum. |min(a, b) − min(c, d)| has
-the same bound as for two maxima. So with |ψ̄(x) − ψ̄(y)| ≤ G|x − y| all stays, with the remarks of
-`conditions` on two obstacles.
+the same bound as for two maxima. So with |ψ̄(x) − ψ̄(y)| ≤ G|x − y| all of this holds, with the
+remarks of `conditions` on two obstacles.
 
 **H₊-matrices.** Let ω ≤ 1, and ⟨A⟩v > 0 and Gv < v for some v > 0. (So A is an H₊-matrix where D >
-0.) Then T(v) < v. For as long as w_j ≤ v_j for j < i, the second entry of the maximum is at most |1 −
-ω|v_i + (ω/a_ii)Σ_{j≠i}|a_ij|v_j = v_i − (ω/a_ii)(⟨A⟩v)_i < v_i. The same v bounds the error of any
-z (`certificates.h_plus`).
+0.) Then T(v) < v, by induction over the rows. If w_j ≤ v_j for j < i, the second argument of the
+maximum is at most |1 − ω|v_i + (ω/a_ii)Σ_{j≠i}|a_ij|v_j = v_i − (ω/a_ii)(⟨A⟩v)_i < v_i. The same v
+bounds the error of any z (`certificates.h_plus`).
 
 **Distance.** z_i⁺ − z_i = −min(r_i, (ω/a_ii)(p_i + Σ_{j<i} a_ij(z_j⁺ − z_j))), and min is
 nonexpansive. So d = |z⁺ − z| has d_i ≤ |F_i|/Ω_i + (ω/a_ii)Σ_{j<i}|a_ij|d_j with Ω = D/ω and F =
@@ -53,9 +53,9 @@ from .conditions import StepMatrices
 
 
 class SweepMap:
-    """T(v) = w of the module's docstring; all terms are positive, so that every row is rounded in its direction.
+    """T(v) = w of the module's docstring. No term is negative, so every row can be rounded up, or down.
 
-    It asks for D > 0, a Lipschitz matrix of ψ, and M₁ = D/ω − L.
+    It requires D > 0, a Lipschitz matrix of ψ, and M₁ = D/ω − L.
     """
 
     limit = 1.0
@@ -76,7 +76,7 @@ class SweepMap:
         return np.maximum(self._swept(abs(1.0 - self._omega) * v, v, g, -1.0), 0.0)
 
     def solve_lower(self, b: Vector) -> Vector:
-        """At least the d with d_i = b_i + (ω/a_ii)Σ_{j<i} |a_ij|d_j, `b` ≥ 0 of shape (n,)."""
+        """An upper bound of the d with d_i = b_i + (ω/a_ii)Σ_{j<i} |a_ij|d_j, `b` ≥ 0 of shape (n,)."""
         none = np.zeros(b.size)
         return self._swept(b, none, none, 1.0)
 
@@ -87,7 +87,7 @@ class SweepMap:
         out = np.empty(v.size)
         k = np.diff(self._A.indptr) + 8
         scale = np.nextafter(self._omega / self._rows.diagonal, np.inf if sign > 0 else 0.0)
-        # a row takes at most k roundings and k underflows; all but a few underflows are scaled
+        # a row has at most k rounding errors and k underflows; all but a few underflows are multiplied by `scale`
         growth = 1.0 + sign * 4 * k * UNIT_ROUNDOFF
         tiny = sign * (scale * (k * SMALLEST) + 4 * SMALLEST)
         bounded(A.indptr, A.indices, A.data, self._rows.diag, scale, growth, tiny, f, v, g, out)

@@ -1,4 +1,4 @@
-"""Two theorems that rest on structure and not on size: isotone steps, and positive definite A.
+"""Two theorems on the structure of A, not on the size of its entries: isotone steps, and positive definite A.
 
 **monotone.** Let X = M₁ + φ + Ω be diagonal, X ≥ 2D, X ≥ 2Ω, A a Z-matrix and ψ isotone (x ≤ y
 gives ψ(x) ≤ ψ(y)). In row i the step z⁺ = z − 2X⁻¹min(p, Ωr) is the larger of two numbers:
@@ -16,10 +16,10 @@ on X. Row by row z_i⁺ is the larger of ψ_i(z) and (1 − ω)z_i − (ω/a_ii)
 with the newest z, whose coefficients are ≥ 0. Where z_j⁺ ≤ s_j for j < i the newest p_i is at least
 p_i(s) ≥ 0, so a sweep from s decreases.
 
-With an isotone ψ̄ above, z_i⁺ is the smaller of that and of (1 − 2ω_i/x_i)z_i + (2ω_i/x_i)ψ̄_i(z),
-in projected SOR ψ̄_i(z). It is isotone too. F is then max(z − ψ̄, min(p, r)). F(s) ≥ 0 says in each
-row that s_i ≥ ψ̄_i(s), or p_i ≥ 0 and r_i ≥ 0. The rest stays, but the limit is a solution if ψ ≤
-ψ̄ there, see `conditions`.
+With an isotone upper obstacle ψ̄, z_i⁺ is the minimum of the above and (1 − 2ω_i/x_i)z_i +
+(2ω_i/x_i)ψ̄_i(z), or ψ̄_i(z) in projected SOR. So it is isotone too. F is then max(z − ψ̄, min(p,
+r)). F(s) ≥ 0 says in each row that s_i ≥ ψ̄_i(s), or p_i ≥ 0 and r_i ≥ 0. The rest holds, but the
+limit is a solution only if ψ ≤ ψ̄ there, see `conditions`.
 
 **definite.** Let A be positive definite (xᵀAx > 0, symmetric or not), M₁ = A, φ = 0, Ω any positive
 diagonal. Let ψ, and ψ̄ where there is one, be constant (rows without obstacle included). Write A' =
@@ -68,7 +68,7 @@ DEFINITE = (
 
 
 def monotone(step: StepMatrices) -> Answer:
-    """Whether the step is isotone; X ≥ 2D and X ≥ 2Ω are read up to the rounding of φ and Ω."""
+    """Whether the step is isotone; X ≥ 2D and X ≥ 2Ω are checked up to the rounding of φ and Ω."""
     if not (answer := z_matrix(step.A)).holds:
         return Answer(False, f"A is not a Z-matrix: {answer.reason}")
     if (reason := _no_isotone_sweep(step) if step.sees_newest else _no_isotone_step(step)) is not None:
@@ -103,7 +103,7 @@ def _no_isotone_step(step: StepMatrices) -> str | None:
 
 
 def definite(step: StepMatrices) -> Answer:
-    """Whether A is positive definite and the rest fits, for n ≤ 50 000 with σ and the witness v = Ω^(−½).
+    """Whether theorem "definite" applies; if a σ < 1 is found, for n ≤ 50 000, with σ and the witness v = Ω^(−½).
 
     Then |zᵏ − z*| ≤ σᵏ‖Ω^(−½)(A + Ω)(z⁰ − z*)‖₂ v.
     """

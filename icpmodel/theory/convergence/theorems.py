@@ -32,8 +32,8 @@ class Check(Answer):
     holds : bool or None
         False says that the theorem does not apply, not that the method fails.
     number : float
-        A proved upper bound of the spectral radius that the theorem requires below 1. For 4.3 it is
-        required below min(1, θ₁)/max(θ₁, θ₂). For "definite" it is the factor σ.
+        A proved upper bound of the spectral radius that the theorem requires to be below 1, or for
+        4.3 below min(1, θ₁)/max(θ₁, θ₂). For "definite" it is the factor σ.
     witness : array of shape (n,)
         The scaling v > 0 that proves it, also called `vector`.
     theorem : str
@@ -43,7 +43,7 @@ class Check(Answer):
     as_printed : bool
         Whether it is the paper's own statement.
     false_as_printed : str
-        The counterexample to the paper's own statement in words; empty where that is true.
+        The counterexample to the paper's own statement, in words; empty if that is true.
 
     Examples
     --------
@@ -75,7 +75,7 @@ class _Theorem:
     printed_sentence: str = ""
     printed: Callable[[StepMatrices], Answer] | None = None
     false: str = ""
-    #: whether it is about members whose modulus sees the newest values, or, False, the iterate before; None: both
+    #: True if it is about members whose modulus uses the newest values, False if the previous iterate, None if both
     newest: bool | None = False
 
 
@@ -195,7 +195,7 @@ def check_all(problem: ProblemData, member: Member, limit: Allowance = UNLIMITED
 
 
 def holding(problem: ProblemData, member: Member, names: Iterable[str], printed: Iterable[str]) -> tuple[set[str], ...]:
-    """Which of the theorems `names` hold, and which of `printed` as printed, without their numbers: cheaper by half."""
+    """Which of the theorems `names` hold, and which of `printed` as printed; without numbers it costs half as much."""
     step = StepMatrices(problem, member)
     step.target = 1.0
     groups = sorted(names, key=_ORDER.index), printed
@@ -226,7 +226,7 @@ def _check(name: str, step: StepMatrices, as_printed: bool) -> Check:
 
 
 def _starts(step: StepMatrices) -> Iterator[Vector]:
-    """The v that served before, v = 1, the certificate's v, for small n balanced units: Osborne, J. ACM 7 (1960)."""
+    """Yield v: those of other theorems, 1, that of `h_plus`, and for small n balancing: Osborne, J. ACM 7 (1960)."""
     yield from reversed(step.vectors)
     yield np.ones(step.n)
     proof = h_plus_proof(step.problem)
@@ -242,7 +242,7 @@ def _starts(step: StepMatrices) -> Iterator[Vector]:
 
 
 def _by_radius(name: str, make: Callable[[StepMatrices], HomogeneousMap | str]) -> Callable[[StepMatrices], Answer]:
-    """Decide by ρ(T) < 1, T = make(step); `name` says what the number, ρ times T.limit, is."""
+    """Make a function that decides by ρ(T) < 1, T = make(step); `name` names its number, ρ(T) times T.limit."""
 
     def decide(step: StepMatrices) -> Answer:
         if step.G is None:
@@ -280,7 +280,7 @@ def _without_inverse(step: StepMatrices) -> Answer:
     return Answer(None, "nothing is known of |X^-1|: X is not an H-matrix and too large or ill conditioned")
 
 
-#: whether the modulus sees the newest values → why the theorems about the others are beside the point
+#: whether the modulus uses the newest values → why a theorem about the other kind of member does not apply
 _OTHER_VALUES = {
     False: "it covers methods whose modulus uses the newest values: projected SOR",
     True: "it covers methods whose modulus uses the previous iterate; here it uses the newest values",
@@ -341,7 +341,7 @@ _THEOREMS = {
     "monotone": _Theorem(MONOTONE, monotone, newest=None),
     "definite": _Theorem(DEFINITE, definite),
 }
-#: the cheap one whose v serves most others, then the strongest
+#: the cheap one whose v proves most others, then the strongest
 _ORDER = ("4.3", "sharper", "4.4", "4.2", "4.1", "rowwise", "monotone", "definite")
 #: theorem → those that imply it, with the same v: see `conditions`
 _STRONGER_THEOREMS = {"4.2": ("4.3",), "4.1": ("4.2", "4.3", "4.4"), "sharper": ("4.1", "4.2", "4.3", "4.4")}

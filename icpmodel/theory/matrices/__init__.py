@@ -1,1 +1,1 @@
-"""Matrix classes, each decided with a reason and a witness, and what the decisions are made of."""
+"""Matrix classes, each decided with a reason and a witness, and the tests that decide."""

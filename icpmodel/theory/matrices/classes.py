@@ -1,4 +1,4 @@
-"""The matrix classes of A on which theorems about complementarity problems rest, each answered when it is asked for."""
+"""The matrix classes of A on which theorems about complementarity problems rest, each decided when first needed."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ CLASS_NAMES = {
     "p": "P-matrix",
 }
 
-#: in the order of their dependence
+#: those that depend on others come last
 _BASIC_FIRST = sorted(CLASS_NAMES, key=lambda name: name in ("m", "definite", "semidefinite", "p"))
 
 
@@ -129,12 +129,12 @@ class MatrixClasses(ReadOnly, Displayable):
         self.A = A
 
     def decided(self, limit: Allowance) -> MatrixClasses:
-        """A copy with every answer computed within a limit.
+        """A copy with every answer computed within a limit; answers that do not depend on it are kept here too.
 
         Parameters
         ----------
         limit : Allowance
-            The limit of each answer; unknown beyond it.
+            The limit of each answer, which is unknown if it exceeds the limit.
 
         Returns
         -------
@@ -148,12 +148,12 @@ class MatrixClasses(ReadOnly, Displayable):
             try:
                 with limit.enforced():
                     answer = getattr(classes, name)
-                if all_known or answer.holds is not None:  # an unknown may rest on what a limit left open
+                if all_known or answer.holds is not None:  # an unknown answer may follow from one that the limit cut
                     vars(self)[name] = answer
             except (OutOfTime, MemoryError) as error:
                 all_known = False
                 vars(classes)[name] = unknown = Answer(None, limit.undecided(error))
-                if name == "h_plus":  # nor do the answers that rest on it compute it once more
+                if name == "h_plus":  # answers that depend on it do not compute it again
                     vars(classes)["h"] = unknown
                 if name == "definite":
                     vars(classes)["_definiteness"] = unknown, unknown
@@ -204,7 +204,7 @@ class MatrixClasses(ReadOnly, Displayable):
 
     @cached_property
     def generalised_dominant(self) -> Answer:
-        """H, but asked for v itself. Witness of yes, where floats can hold one: v > 0 with ⟨A⟩v > 0; of no: as `h`."""
+        """H-matrix, with v computed. Witness of yes, where floats can hold one: v > 0 with ⟨A⟩v > 0; of no: as `h`."""
         if not self.h.holds or self.h.witness is not None:
             return self.h
         v = decide(comparison_matrix(self.A), 1, np.zeros(self.A.shape[0], dtype=np.int32)).witness
@@ -287,7 +287,7 @@ class MatrixClasses(ReadOnly, Displayable):
 
     @cached_property
     def triangular(self) -> Answer:
-        """Nothing below, or nothing above, the diagonal. Witness of yes: "lower", "upper" or "diagonal"."""
+        """No nonzero entry below, or none above, the diagonal. Witness of yes: "lower", "upper" or "diagonal"."""
         below, above = bandwidths(without_zeros(self.A))
         if below and above:
             return Answer(False, "there are entries on both sides of the diagonal")
@@ -308,7 +308,7 @@ class MatrixClasses(ReadOnly, Displayable):
 
     @cached_property
     def reducible(self) -> Answer:
-        """Block triangular after a permutation. Witness: the block of each row, shape (n,); number: how many."""
+        """Block triangular after a permutation. Witness: the block of each row, shape (n,); number: that of blocks."""
         count, block = irreducible_blocks(self.A)
         reason = f"{count} irreducible diagonal blocks" if count > 1 else "the graph of A is strongly connected"
         return Answer(count > 1, reason, block, count)

@@ -1,4 +1,4 @@
-"""The comparison matrix ⟨A⟩, whether the signs of A are its signs, and vectors v > 0 with ⟨A⟩v > 0."""
+"""The comparison matrix ⟨A⟩, tests of the signs of A, and vectors v > 0 with ⟨A⟩v > 0."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from ...numerics.multigrid import linear_solve
 from ...numerics.sparse_structure import diagonal_positions, is_symmetric
 from ..answers import Answer
 
-FACTORISE_FIRST_UP_TO = 20_000  #: up to this size a factorisation costs less than looking for a cheaper way
+FACTORISE_FIRST_UP_TO = 20_000  #: up to this size a factorisation costs less than the search for a cheaper way
 
 
 @check_arguments
@@ -52,7 +52,7 @@ def comparison_matrix(A: Any) -> sp.csr_array:
     work.charge_matrices(A.nnz)
     diagonal = diagonal_positions(A)
     if np.array_equal(np.flatnonzero(A.data > 0), diagonal):
-        return A  # a copy of a large matrix is memory that nobody has touched before
+        return A  # a copy of a large matrix would cost page faults
     data = -np.abs(A.data)
     data[diagonal] = -data[diagonal]
     return with_entries(A, data)
@@ -79,7 +79,7 @@ def positive_diagonal(A: sp.csr_array) -> Answer:
 
 
 def scaling_vectors(comparison: sp.csr_array) -> Iterator[tuple[str, Vector]]:
-    """Candidates v > 0 for ⟨A⟩v > 0, to be checked, each with its name, cheapest first, v = 1 left out; D > 0."""
+    """Yield (name, v): candidates v > 0 for ⟨A⟩v > 0, to be checked, cheapest first, without v = 1, assuming D > 0."""
     n = comparison.shape[0]
     if n > FACTORISE_FIRST_UP_TO and (v := layered(comparison)) is not None:
         yield "v = f(layer)", v
@@ -115,22 +115,22 @@ def solve_for_diagonal(M: sp.csr_array) -> Vector | None:
 def layered(comparison: sp.csr_array) -> Vector | None:
     """v = f(layer) with ⟨A⟩v ≥ D1, in one pass over the matrix, where its rows are weakly dominant.
 
-    Layer 0 are the rows with Σ_j≠i|a_ij| < |a_ii|. Layer k are those joined to layer k − 1 and to
-    none before. Let g_k = f(k) − f(k−1) > 0. Row i of layer k is
+    Layer 0 are the rows with Σ_j≠i|a_ij| < |a_ii|. Layer k are those coupled to layer k − 1 and to
+    no earlier one. Let g_k = f(k) − f(k−1) > 0. Row i of layer k is
 
         Σ_below|a_ij|(f(k) − f(layer j)) − Σ_above|a_ij|(f(layer j) − f(k)) ≥ a_ii.
 
     It gives g_k from g_k+1, g_k+2, …, beginning with the last layer. On a grid with zero boundary
     values f is the parabola of the distance to the edge. Where couplings to later layers dominate,
-    as with transport against the layers, f grows without need. v is refused where more than a tenth
-    of ⟨A⟩v/a_ii is above 4. It is None as well where a row is not weakly dominant, or not joined to
-    a strictly dominant one.
+    as with transport against the layers, f grows too much. v is refused if more than a tenth of the
+    (⟨A⟩v)_i/a_ii are above 4. The result is also None if a row is not weakly dominant, or not
+    connected to a strictly dominant one.
     """
     from ...numerics.kernels.graph import breadth_first_layers, layer_increments
 
     work.charge_matrices(comparison.nnz, 4)
     diagonal = comparison.diagonal()
-    # exactly 0 where the entries cancel exactly; a row that is dominant by rounding only makes a bad v, no wrong one
+    # exactly 0 where the entries cancel exactly; a row that is dominant only by rounding gives a bad v, not a wrong one
     with np.errstate(over="ignore", invalid="ignore"):
         surplus = (comparison @ np.ones(diagonal.size)) / diagonal
     surplus[np.abs(surplus) < 1e-14] = 0.0

@@ -27,8 +27,8 @@ from .comparison_matrix import comparison_matrix
 from .eigenvalue import negative_direction, smallest_eigenvalue_bound, within_reach
 from .h_matrix import by_row_sums, row_sum_signs
 
-_SHIFT = 2.0**-38  #: S − cI is factorised for this c, which is about what rounding needs, or for a larger one
-#: the rows up to which LDLᵀ in fractions decides: 30 take .2 s
+_SHIFT = 2.0**-38  #: S − cI is factorised with this c, about as large as rounding requires, or with a larger one
+#: up to this number of rows LDLᵀ in fractions decides; 30 rows take .2 s
 RATIONAL_UP_TO = 30
 
 
@@ -68,7 +68,7 @@ def definiteness(A: sp.csr_array) -> tuple[Answer, Answer]:
 
 
 def semidefinite_up_to_rounding(A: sp.csr_array) -> Answer:
-    """Whether the symmetric part of `A` is semidefinite as far as floats can tell, such as a computed BᵀB; or None.
+    """Whether the symmetric part of `A` is semidefinite up to rounding, as a computed BᵀB is: True or None.
 
     True proves that all eigenvalues, with the diagonal scaled to about 1, are at least `number`, above −2⁻²⁶.
     """
@@ -124,7 +124,7 @@ def _by_pivots(A: sp.csr_array) -> Answer:
         return Answer(None, f"not diagonally dominant, and with n = {n} too large to be factorised")
     if (T.diagonal() > 0).all():
         bound = smallest_eigenvalue_bound(T, _SHIFT)
-        if -np.inf < bound <= 0:  # rounding is larger than the shift: twice as much as rounding does if any does
+        if -np.inf < bound <= 0:  # rounding exceeds the shift: if any shift is enough, twice the rounding is
             bound = smallest_eigenvalue_bound(T, 2 * (_SHIFT - bound))
         if bound > 0:
             return Answer(True, "all pivots are positive, less a margin for rounding")
@@ -134,7 +134,7 @@ def _by_pivots(A: sp.csr_array) -> Answer:
         with np.errstate(under="ignore"):
             shift = e - e[x != 0].max()
             x = np.ldexp(x / np.abs(x).max(), shift)
-            # what of it is left in the units of A goes back without rounding
+            # the entries that are not lost in the units of A are scaled back without rounding
             if proves_negative(M, np.ldexp(x, -shift)):
                 return Answer(False, "indefinite: x'Ax < 0 for the witness x", x)
     return Answer(None, "its factorisation met a pivot of either sign within rounding")

@@ -17,29 +17,29 @@ from ...numerics.sparse_structure import is_symmetric
 from ...numerics.threads import one_blas_thread
 from ...problem.matrix import MAX_DENSE_ROWS
 
-#: shares of the estimated eigenvalue that are tried as a bound; the first one does unless rounding is felt
+#: shares of the estimated eigenvalue that are tried as a bound; the first one succeeds unless rounding matters
 _TRIED_SHARES = (0.99, 0.5)
 _MAX_FACTORISATION_COST = 5e9  #: in counted nanoseconds
 _TRIDIAGONALISATION_COST = 4  #: the time to make a dense matrix tridiagonal, in factorisations
-#: steps of the inverse iteration, in which eigenvalues next to the smallest one serve as well, and of the power method,
-#: which make the bound sharper and never false
+#: steps of the inverse iteration, where an eigenvalue near the smallest one is good enough, and of the power method,
+#: where more steps make the bound sharper
 _MAX_STEPS = 40
 
 
 def smallest_eigenvalue_bound(S: Any, c: float, slack: float = 0.0) -> float:
     """A lower bound c − ε of λ_min of a symmetric matrix by a factorisation of S − cI, −inf where a pivot is not > 0.
 
-    Dense S: a Cholesky factorisation that runs to its end has RᵀR = S − cI + Δ, |Δ| ≤ γ/(1 − γ)ddᵀ
-    with γ = γ_{n+1} and d_i = √(s_ii − c). So ‖Δ‖₂ ≤ γ/(1 − γ)trace(S − cI), and RᵀR ≥ 0 proves λ_min(S) ≥
-    c − ‖Δ‖₂. More terms than n + 1 leave room for quotients made of reciprocals.
+    Dense S: a complete Cholesky factorisation has RᵀR = S − cI + Δ, |Δ| ≤ γ/(1 − γ)ddᵀ with
+    γ = γ_{n+1} and d_i = √(s_ii − c). So ‖Δ‖₂ ≤ γ/(1 − γ)trace(S − cI), and RᵀR ≥ 0 proves λ_min(S) ≥
+    c − ‖Δ‖₂. The code takes n + 8 terms, as quotients may be products with a reciprocal.
 
     Sparse S: P(S − cI)Pᵀ + ΔT = LU by diagonal pivots with |ΔT| ≤ γ|L||U|. Let D = diag(U) > 0 and
     U = DLᵀ + ΔU. Then LU is LDLᵀ + LΔU, and P(S − cI)Pᵀ is LDLᵀ + (LΔU − ΔT). LDLᵀ is positive
     definite. The bracket is symmetric, as the other two matrices are, so its ∞-norm bounds its
     eigenvalues. That norm is at most ‖|L||ΔU|1 + γ|L||U|1‖_∞.
 
-    `S` is known to one rounding of its entries and to `slack` in norm. Not all of it is below
-    1e-280, where underflow would count.
+    `S` is known to one rounding of its entries and to `slack` in norm. Its largest entries are
+    above 1e-280, so that underflow does not matter.
 
     References
     ----------
@@ -57,8 +57,8 @@ def smallest_eigenvalue_bound(S: Any, c: float, slack: float = 0.0) -> float:
 def smallest_below(M: Any, slack: float = 0.0, lu: Any = None) -> float:
     """A lower bound of λ_min(S), S the symmetric part of a matrix that differs from `M` by at most `slack` in norm.
 
-    The diagonal of M is about 1, `lu` the `definite_factors` of S, if at hand. −inf where none was found. A dense M is
-    symmetric.
+    The diagonal of M is about 1, `lu` are the `definite_factors` of S, if known, and a dense M is symmetric. −inf if no
+    bound above 0 is found.
     """
     S = in_storage(M if not sp.issparse(M) or is_symmetric(M) else sp.csr_array(0.5 * (M + M.T)))
     estimate = _estimate(S, lu) if np.isfinite(S.data if sp.issparse(S) else S).all() else -np.inf
@@ -81,13 +81,13 @@ def largest_above(N: sp.csr_array) -> float:
         largest = float(w.max())
         if not 0 < largest < np.inf:
             break
-        # half of the old v keeps a bipartite T from swinging, the floor every entry positive
+        # half of the old v keeps a bipartite T from oscillating, and the floor keeps every entry positive
         v = np.maximum(0.5 * (v + w / largest), 1e-6)
     return float((product_upper_bound(T, v) / v).max()) * (1 + 8 * UNIT_ROUNDOFF) + T.nnz * SMALLEST / float(v.min())
 
 
 def negative_direction(S: sp.csr_array) -> Vector | None:
-    """An x ≠ 0, shape (n,), about which xᵀSx < 0 is likely, None where the symmetric `S` (CSR) seems to have none."""
+    """An x ≠ 0, shape (n,), that is likely to have xᵀSx < 0; None if the symmetric `S` (CSR) seems to have none."""
     if is_dense(S):
         value, x = _least_pair(S.toarray())
         return x if value < 0 else None
@@ -130,20 +130,20 @@ def in_storage(S: Any) -> Any:
 
 
 def within_reach(S: sp.csr_array) -> bool:
-    """Whether the symmetric `S` (CSR) is expected to be factorised in seconds: a million rows on a plane."""
+    """Whether the symmetric `S` (CSR) is expected to be factorised in seconds, such as a plane grid of 10⁶ rows."""
     if is_dense(S):
         return dense_cost(S.shape[0]) <= _MAX_FACTORISATION_COST
     return not SymbolicAnalysis(S, lambda: True).costs_more(_MAX_FACTORISATION_COST)
 
 
 def definite_factors(S: Any) -> Any:
-    """Factors of the symmetric `S`, as it is stored, by Cholesky or with diagonal pivots; None unless all are > 0."""
+    """Factors of the symmetric `S`: Cholesky if dense, else with diagonal pivots; None unless all pivots are > 0."""
     lu = factorise(S, definite=True) if sp.issparse(S) else array_factors(S.copy().T, cholesky=True)
     return lu if lu is not None and lu.pivots.min() > 0 else None
 
 
 def _estimate(S: Any, lu: Any) -> float:
-    """About the smallest eigenvalue, or something ≤ 0 where S is seen to be indefinite; no proof."""
+    """An estimate of the smallest eigenvalue, without proof; a number ≤ 0 if S seems to be indefinite."""
     if S.shape[0] <= MAX_DENSE_ROWS:
         return _least_pair(S)[0]
     lu = lu or definite_factors(S)

@@ -2,7 +2,7 @@
 
 A is an H-matrix if ⟨A⟩ is a nonsingular M-matrix. That is proved by a v > 0 with ⟨A⟩v > 0. It is
 disproved by an x ≥ 0, x ≠ 0, with ⟨A⟩x ≤ 0 (were ⟨A⟩⁻¹ ≥ 0, then x = ⟨A⟩⁻¹⟨A⟩x ≤ 0). Entries
-between the irreducible diagonal blocks of ⟨A⟩ make no difference to its truth. In one block:
+between the irreducible diagonal blocks of ⟨A⟩ do not affect the answer. In one block:
 
 - All row sums ≥ 0, one of them > 0: H (Taussky). All ≤ 0: not H, with x = 1.
 - Jx > x > 0 or Jx < x for J = |D|⁻¹|D − A| and some iterate x of the power method: not H, or H.
@@ -36,12 +36,12 @@ from ..answers import Answer
 from .comparison_matrix import comparison_matrix, solve_for_diagonal
 
 _MAX_POWER_STEPS = 30  #: this number of steps of the power method costs less than a linear solve
-#: the largest block, or as many entries in several, that rational elimination is asked to decide
+#: the largest block that rational elimination decides; all blocks together have at most the square of it in entries
 _MAX_EXACT_ROWS = 40
 
 
 def irreducible_blocks(A: sp.csr_array) -> tuple[int, NDArray[np.int32]]:
-    """How many irreducible diagonal blocks `A` has, and the block of each row, shape (n,).
+    """The number of irreducible diagonal blocks of `A`, and the block of each row, shape (n,).
 
     They are the strongly connected components of the graph with an edge (i, j) where a_ij ≠ 0.
     """
@@ -72,7 +72,7 @@ def row_sum_signs(C: sp.csr_array) -> NDArray[np.int8]:
 
 
 def by_row_sums(A: sp.csr_array) -> tuple[Answer, Mask]:
-    """Whether A is an H-matrix as far as D and exact row sums tell, and the rows, a mask, of the blocks left open.
+    """Whether A is an H-matrix, as far as D and exact row sums decide, and the rows, a mask, of the undecided blocks.
 
     Reference: Taussky, Amer. Math. Monthly 56 (1949).
     """
@@ -114,7 +114,7 @@ def h_matrix(A: sp.csr_array) -> Answer:
     answer = decide(comparison_matrix(part), *irreducible_blocks(part))
     if still_open.all():
         return answer
-    # v of some blocks is none of A
+    # a v of the undecided blocks is not a v of A
     x = None if answer.holds or answer.witness is None else _spread(answer.witness, rows, A.shape[0])
     return replace(answer, witness=x)
 
@@ -127,7 +127,7 @@ def _spread(x: Vector, rows: NDArray[np.intp], n: int) -> Vector:
 
 
 def decide(C: sp.csr_array, count: int, block: NDArray[np.int32]) -> Answer:
-    """Whether `C` = ⟨C⟩ is a nonsingular M-matrix: its `count` diagonal blocks, or with the witness v > 0 all of it."""
+    """Whether the `count` diagonal blocks of `C` = ⟨C⟩ are nonsingular M-matrices; for one block, with v > 0 for C."""
     work.charge_matrices(C.nnz, 8)
     r, c = natural_exponents(C)
     S = without_zeros(in_units(within_blocks(C, block), r, c))
@@ -144,7 +144,7 @@ def decide(C: sp.csr_array, count: int, block: NDArray[np.int32]) -> Answer:
 
 
 def _candidates(S: sp.csr_array, block: NDArray[np.int32], count: int) -> Iterator[tuple[str, Vector]]:
-    """Vectors that may prove or disprove, by rising cost."""
+    """Yield (name, vector): vectors that may prove or disprove it, cheapest first."""
     diagonal = S.diagonal()
     x = np.ones(S.shape[0])
     step_cost = 3 * work.product(x.size, S.nnz)
@@ -153,7 +153,7 @@ def _candidates(S: sp.csr_array, block: NDArray[np.int32], count: int) -> Iterat
         work.charge(step_cost)
         return x - (S @ x) / diagonal  # Jx
 
-    with np.errstate(all="ignore"):  # beside a diagonal next to nothing J overflows, and NaN proves nothing
+    with np.errstate(all="ignore"):  # for tiny diagonal entries J overflows, and NaN proves nothing
         for _ in range(_MAX_POWER_STEPS):
             x = x + np.maximum(image(x), 0.0)  # I + J has no other eigenvalue of its largest modulus
             largest = np.zeros(count)

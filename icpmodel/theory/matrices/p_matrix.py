@@ -9,7 +9,7 @@ irreducible diagonal block:
   rounding. A is P if and only if a₁₁ > 0 and two matrices are P: A without row and column 1, and
   the Schur complement A/a₁₁. Where a bound leaves the sign of a minor open, it is computed in
   rational arithmetic. "Yes" and "no" are proofs.
-- Beyond: minors of order 2 over the pattern may say "no".
+- Beyond: a minor of order 2 over the pattern may disprove it.
 
 References
 ----------
@@ -42,7 +42,7 @@ Indices = NDArray[np.intp]
 
 
 def open_blocks(A: sp.csr_array) -> Iterator[tuple[Indices, sp.csr_array]]:
-    """The irreducible blocks that their row sums do not show to be H₊, and their rows; small ones first."""
+    """Yield (rows, block): the irreducible blocks that their row sums do not prove to be H₊, small ones first."""
     answer, still_open = by_row_sums(A)
     count, block = irreducible_blocks(A)
     size = np.bincount(block)
@@ -55,7 +55,7 @@ def open_blocks(A: sp.csr_array) -> Iterator[tuple[Indices, sp.csr_array]]:
 
 
 def minor_of_order_two(A: sp.csr_array) -> Indices | None:
-    """Indices i < j with a_ii a_jj ≤ a_ij a_ji, or None where no stored pair was found to have that."""
+    """Indices i < j with a_ii a_jj ≤ a_ij a_ji, or None if no such stored pair was found."""
     work.charge_matrices(A.nnz, 8)
     S = in_units(A, *natural_exponents(A))
     with np.errstate(all="ignore"):
@@ -74,14 +74,14 @@ def minor_of_order_two(A: sp.csr_array) -> Indices | None:
 
 
 def by_pivots(A: sp.csr_array) -> Answer:
-    """The exact test, for n ≤ 60 or so; the time doubles with each row."""
+    """Decide by the signs of all pivots, rounding included, for n ≤ 60 or so; the time doubles with each row."""
     from ...numerics.kernels.principal_minors import search_minors  # loads numba
 
     n = A.shape[0]
     work.charge(_MINOR_COST * 2.0**n)
     r, c = natural_exponents(A)
     scaled = in_units(A, r, c).toarray()
-    # what left the normal range is known up to the smallest float, or not at all
+    # an entry that left the normal range is known up to the smallest float, or not at all
     lost = np.where((A.toarray() != 0) & (np.abs(scaled) < 2.0**-1000), SMALLEST, 0.0)
     rad = np.where(np.isfinite(scaled), lost, np.inf)
     index_set, undecided = search_minors(scaled, rad, 10**6 // n**3 + 1)
