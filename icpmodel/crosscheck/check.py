@@ -24,7 +24,7 @@ from ..solvers.time_limited import time_limited
 from .judge import AnswerUnderTest, Row, Verdict, finite
 from .report import Report
 
-#: the facts of the answer (Res_D(z), the error bound or None, why there is none), a solver that begins, or a row
+#: facts of the answer (Res_D(z), its error bound or None, why there is none), the name of the next solver, or a row
 _Item = tuple[float, float | None, str] | str | Row
 
 
@@ -71,8 +71,8 @@ def crosscheck(
 
     Notes
     -----
-    Where p is nonlinear the solvers get its tangent at the answer under test. That is a solution of
-    the one problem if and only if it is one of the other. IPOPT gets the nonlinear p as well.
+    If p is nonlinear, the solvers get its tangent at the answer under test. This answer solves the
+    problem with the tangent if and only if it solves the original one. IPOPT gets the nonlinear p as well.
 
     While a foreign solver runs in this process, what other threads print or log is lost.
 
@@ -131,7 +131,7 @@ def crosscheck(
 
 
 def _all_rows(rows: dict[str, list[Row]], at_work: str, note: str) -> tuple[Row, ...]:
-    """The rows, with one for each solver that has not answered: it failed where it was `at_work`."""
+    """All rows, with one added to `rows` for each solver without any: FAILED if it was `at_work`, else SKIPPED."""
     for name, own in rows.items():
         if own:
             continue
@@ -161,7 +161,7 @@ def _report(
 
 
 def _items(checked: AnswerUnderTest, chosen: list[ForeignSolver], solution: Any, end: float) -> Iterator[_Item]:
-    """The certified facts of the answer to the original problem; then the name and the rows of each solver."""
+    """Yield the certified facts of the answer to the original problem, then the name and the rows of each solver."""
     known = isinstance(solution, Solution) and solution.problem is checked.original
     certificate = solution.certificate if known else certify(checked.original, checked.z)
     yield certificate.residual, certificate.error_bound, certificate.bound.reason
@@ -180,7 +180,7 @@ def _items(checked: AnswerUnderTest, chosen: list[ForeignSolver], solution: Any,
 
 
 def _why_not(solver: ForeignSolver, checked: AnswerUnderTest) -> list[str]:
-    """Why `solver` can take none of the targets; empty where it can take one."""
+    """Why `solver` can take none of the targets; empty if it can take one."""
     possible = [target for target in checked.targets if target.problem.f is None or "nlp" in solver.forms]
     reasons = [solver.why_not(target) for target in possible]
     nothing = "the obstacles are not finite at the answer, or cross there, so that they cannot be frozen"
@@ -188,7 +188,7 @@ def _why_not(solver: ForeignSolver, checked: AnswerUnderTest) -> list[str]:
 
 
 def _claim(solver: ForeignSolver, target: Target, time_limit: float) -> Claim:
-    """The claim of the solver at the first of its tight tolerances where it claims success, else at the last."""
+    """Run `solver` at its tight tolerances in turn, until it claims success or time is over; return its last claim."""
     start_time = time.perf_counter()
     claim = ask(solver, target, solver.tight[0], time_limit)
     seconds = claim.seconds

@@ -1,6 +1,6 @@
 """The one judge of foreign answers.
 
-A foreign status is recorded and never believed: every residual and difference is recomputed from (A, q, ψ, z).
+A foreign status is recorded but proves nothing: every residual and difference is recomputed from (A, q, ψ, z).
 """
 
 from __future__ import annotations
@@ -23,21 +23,21 @@ from ..solvers.formulations import Target, targets
 from ..solvers.typical_units import in_typical_units, in_units_of_z
 from ..theory.certificates.bounds import error_bound
 
-#: the largest Res_D(z) of a foreign solution, as a share of `residual_scale`; of an answer under test `RTOL`
+#: the largest Res_D(z) of a foreign solution, as a share of `residual_scale`; for the answer under test it is `RTOL`
 FOREIGN_RTOL = 1e-7
-#: a Solution may have been stopped at a looser tolerance, but at most at this one
+#: a Solution that was stopped at a looser tolerance is judged by that, but by this one at most
 MAX_RTOL = 1e-4
-#: two answers agree within AGREE·max|z| + AGREE_NEAR_ZERO·unit: the second counts where z is about zero
+#: two answers agree within AGREE·max|z| + AGREE_NEAR_ZERO·unit: the second term matters where z is about zero
 AGREE = 1e-6
 AGREE_NEAR_ZERO = 1e-9
-#: the largest certified bound that counts, as a multiple of that; a wide bound proves nothing
+#: the largest certified bound by which answers agree, as a multiple of the tolerance; a wide bound proves nothing
 MAX_BOUND_FACTOR = 10.0
 
 
 class Verdict(Enum):
-    """What a foreign answer says of the answer under test, and what that means in a sentence.
+    """The verdict on a foreign answer, beside the answer under test, and its `meaning` in a sentence.
 
-    Only AGREES speaks for it, only DISAGREES against it.
+    Only AGREES supports the answer under test, and only DISAGREES contradicts it.
 
     Examples
     --------
@@ -66,8 +66,11 @@ class Verdict(Enum):
 
 @dataclass(frozen=True)
 class Row:
-    """One line of a report, in the user's units: `residual` = Res_D(z) of the foreign z on the problem it solved;
-    `difference` = max|z_foreign − z|; None where there is none. `claim` is the foreign status; `note` says why."""
+    """One line of a report, in the user's units.
+
+    `residual` is Res_D of the foreign z on the problem that the solver got, and `difference` max|z_foreign − z|; None
+    if there is no number. `claim` is the foreign status, and `note` the reason of the verdict.
+    """
 
     solver: str
     formulation: str
@@ -87,7 +90,8 @@ class Row:
 class AnswerUnderTest:
     """An answer under test, `z`, and `y` = z/`unit`, the same in the typical units of its `targets`.
 
-    `holds` says whether z is a solution, `tolerance` how far another answer may lie apart; `atol` replaces its default.
+    `problem` is `original` with the tangent at z for a nonlinear p. `holds` says whether z is a solution. `tolerance`
+    is the largest difference of an answer that agrees; `atol` replaces its default.
     """
 
     def __init__(self, original: ProblemData, solution: Any, atol: float | None = None) -> None:
@@ -111,7 +115,7 @@ class AnswerUnderTest:
             self.targets += targets(in_units_of_z(self.original, self.unit), self.y)
 
     def judge(self, solver: str, form: str, target: Target, claim: Claim) -> Row:
-        """The row of a foreign `claim`, which is about `target` in `form`."""
+        """Judge the `claim` of a `solver` on `target`, stated in `form`: the row of the report."""
         verdict = Verdict.FAILED
         x = None
         residual = np.nan
@@ -132,7 +136,7 @@ class AnswerUnderTest:
         return Row(solver, form_name, verdict, finite(residual), finite(difference), claim.seconds, claim.words, note)
 
     def _compare(self, target: Target, x: Vector, claim: Claim, difference: float) -> tuple[Verdict, str]:
-        """The verdict on a finite x, in the units of `target`. Every comparison is false for NaN."""
+        """The verdict on a finite x, in the units of `target`, and its reason. Every comparison is false for NaN."""
         theirs = solves(target.problem, x, FOREIGN_RTOL)
         if not claim.solved:
             right = f"it ended with: {claim.words}; its z solves the problem all the same"
@@ -147,19 +151,22 @@ class AnswerUnderTest:
 
     @staticmethod
     def _loose(problem: ProblemData, x: Vector, claim: Claim) -> str:
-        """The accuracy asked for, by the solver's criterion, and that of its answer by ours."""
+        """The reason of LOOSE: the requested accuracy, by the solver's criterion, and that of its answer, by ours."""
         share = problem.residual(x) / (problem.residual_scale() or norm(x) or 1.0)
         request = "" if claim.tolerance is None else f"asked for {claim.tolerance:g} in its own measure, "
         return f"claims {claim.words!r}: {request}{share:.1e} in ours, where {FOREIGN_RTOL:g} was expected"
 
     def _ended(self, claim: Claim) -> str:
-        """How it ended without success. "infeasible" and "unbounded" are rays without a check, and false where
-        the answer under test is a solution."""
+        """The reason of FAILED for a claim without success.
+
+        "infeasible" and "unbounded" rest on rays that are not checked. They are false if the answer under test is a
+        solution.
+        """
         known = ", and the answer under test is a solution" if self.holds else ", which is not checked"
         return f"it ended with: {claim.words}{known}"
 
     def by_bound(self, difference: float, bound: float, unique: bool) -> tuple[Verdict, str]:
-        """The verdict on a solution `difference` away, which is certified to be at most `bound`, NaN for unknown."""
+        """The verdict on a solution `difference` away, and its reason; `bound` on that is certified, or NaN."""
         if difference <= bound <= MAX_BOUND_FACTOR * self.tolerance:
             return Verdict.AGREES, f"within the certified bound {rounded_up(bound, 2)}"
         if difference <= bound:
@@ -176,8 +183,10 @@ class AnswerUnderTest:
 
 
 def solves(problem: ProblemData, y: Vector, rtol: float) -> bool:
-    """Whether the exact Res_D(y) is at most this share of `residual_scale`, or rounding, which is small as well,
-    explains what float64 makes of it; false for NaN and infinities."""
+    """Whether the exact Res_D(y) is at most `rtol` times `residual_scale`, or as small as its rounding errors.
+
+    These must be small as well: at most MAX_RTOL times the scale. False for NaN and infinities.
+    """
     scale = problem.residual_scale() or norm(y)
     residual = problem.residual(y)
     tolerance = float(rounded_share(scale, rtol))
@@ -187,12 +196,12 @@ def solves(problem: ProblemData, y: Vector, rtol: float) -> bool:
 
 
 def finite(value: float) -> float | None:
-    """`value`, or None where it is NaN or infinite: a number that is not known."""
+    """`value`, or None, for unknown, if it is NaN or infinite."""
     return float(value) if np.isfinite(value) else None
 
 
 def sum_of_bounds(target: Target, y: Vector, x: Vector) -> float:
-    """How far apart y and x can be if both are as near to the one solution as certified; NaN without certificate."""
+    """An upper bound of max|y − x|: the sum of their certified distances to the one solution; NaN if one is unknown."""
     ours = error_bound(target.problem, y).value
     theirs = error_bound(target.problem, x).value
     return np.nan if ours is None or theirs is None else ours + theirs

@@ -1,4 +1,4 @@
-"""What comes out of a cross-check: a table for people, CSV and JSON for programs."""
+"""The report of a cross-check: a table for people, CSV and JSON for programs."""
 
 from __future__ import annotations
 
@@ -36,17 +36,17 @@ class Report(Displayable, Tabular):
     n : int
         The number of unknowns.
     status : str
-        Of the run that gave the answer; empty for a vector.
+        The status of the run that gave the answer; empty for a vector.
     residual : float or None
         Res_D(z) of the answer under test.
     holds : bool
         Whether the answer under test is a solution.
     error_bound : float or None
-        |z − z*| ≤ `error_bound`, or the same of the `bounded` part, else the `reason` why there is none.
+        A bound on |z − z*|, or on its `bounded` part; None if there is none, for the `reason`.
     tolerance : float or None
         Largest difference of two answers that agree.
     bounded : str
-        The entries that the bound is of: "z", all of them, or a part such as the x of a program.
+        The part of z that the bound covers: "z" for all entries, or a part such as the x of a program.
 
     Examples
     --------
@@ -124,12 +124,12 @@ class Report(Displayable, Tabular):
         return tuple(row for row in self.rows if row.verdict is not Verdict.SKIPPED)
 
     def coverage(self) -> str:
-        """The checks that agree and what each covers, in one sentence, empty where none agrees.
+        """The solvers that agree and what each has checked, in one sentence, empty if none agrees.
 
         Returns
         -------
         str
-            Empty where none agrees.
+            The sentence.
         """
         agreeing = [row for row in self.rows if row.verdict is Verdict.AGREES]
         names = dict.fromkeys(row.solver for row in agreeing if not row.local)
