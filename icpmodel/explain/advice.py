@@ -15,7 +15,7 @@ from ..theory.matrices.classes import MatrixClasses
 
 
 def first_steps(first_method: Method | None, why: str, method_named: bool, disproof: Disproof | None) -> Iterator[str]:
-    """What to call, or what to change where it is proved that there is no solution; the rest as in `Explanation`."""
+    """Yield what to call, or what to change if there is proved to be no solution; parameters as in `Explanation`."""
     if isinstance(disproof, NoSolution):
         conflict = "`solve(raise_on_failure=False).contradiction` may name the conditions in conflict"
         yield f"no solution exists: change A, q or psi; {conflict}"
@@ -29,9 +29,9 @@ def first_steps(first_method: Method | None, why: str, method_named: bool, dispr
 def convergence_advice(
     problem: ProblemData, classes: MatrixClasses, first_method: Method | None = None, is_decided: bool = False
 ) -> Iterator[str]:
-    """Advice if no member of the family is proved to converge; `first_method` is the first method of `solve()`.
+    """Yield advice if no member of the family is proved to converge; `first_method` is the first method of `solve()`.
 
-    Whether there are solutions, and how many, `is_decided` where all linear pieces were examined.
+    `is_decided` says that the number of solutions is proved to be one, several or none.
     """
     yield "no member of the family is proved to converge; solve() tries several, and checks the residual of the result"
     psi = problem.psi
@@ -66,7 +66,7 @@ def convergence_advice(
 
 
 def nonlinear_advice(problem: ProblemData, unique: bool) -> Iterator[str]:
-    """Advice for a nonlinear p; `unique`: whether the solution is proved to be unique."""
+    """Yield advice for a nonlinear p; `unique`: whether the solution is proved to be unique."""
     assert problem.f is not None
     if unique:
         return
@@ -79,7 +79,7 @@ def nonlinear_advice(problem: ProblemData, unique: bool) -> Iterator[str]:
 
 
 def accuracy_advice(accuracy: float, largest: float | None) -> Iterator[str]:
-    """A remark where rounding forbids the `accuracy`; `largest`: a bound on the entries of z, if one is known."""
+    """Yield a remark if rounding may prevent the `accuracy`; `largest`: a bound on the entries of z, or None."""
     if largest is not None and accuracy < UNIT_ROUNDOFF * largest:
         yield (
             f"the accuracy {accuracy:g} may be out of reach: entries of z can be as large as {rounded_up(largest)}, "
@@ -88,7 +88,7 @@ def accuracy_advice(accuracy: float, largest: float | None) -> Iterator[str]:
 
 
 def methods_for_f(problem: ProblemData) -> Iterator[str]:
-    """Which methods take a nonlinear p, and why the others do not."""
+    """Yield which methods take a nonlinear p, and why the others do not."""
     reasons: dict[str | None, list[str]] = {}
     for name in names():
         reasons.setdefault(named(name).why_not(problem), []).append(name)
@@ -98,8 +98,11 @@ def methods_for_f(problem: ProblemData) -> Iterator[str]:
 
 
 def is_boxed(problem: ProblemData) -> bool:
-    """Whether z is held between fixed obstacles in every row: a continuous p, as Az + q is, then has a solution in this
-    compact box (Hartman and Stampacchia, Acta Math. 115, 1966)."""
+    """Whether every row has finite constant obstacles on both sides.
+
+    A continuous p, such as Az + q, then has a solution in this compact box (Hartman and Stampacchia, Acta Math. 115,
+    1966).
+    """
     if problem.upper is None or not problem.psi.is_constant:
         return False
     zero = np.zeros(problem.n)

@@ -34,19 +34,19 @@ from ..theory.nonuniqueness import solution_facts
 from .advice import accuracy_advice, convergence_advice, first_steps, is_boxed, methods_for_f, nonlinear_advice
 from .forecasts import Forecast, factor_text, forecasts_of, members
 
-#: what a page may cost, in products with A and in nanoseconds: for n = 10⁶ and n = 10⁴ that were 5 s and 2 s on the
-#: machine of `work.Costs`; and the share of it that one question may cost
+#: the work limit of a page is a number of products with A plus nanoseconds: for n = 10⁶ and n = 10⁴ that were 5 s and
+#: 2 s on the machine of `work.Costs`; and the share of it for one question
 MAX_PRODUCTS = 600.0
 MAX_NANOSECONDS = 0.8e9
 _QUESTION_SHARE = 0.2
-#: and the largest number of nanoseconds a row, where rows are long, and no less than 10⁶ rows would get
+#: for matrices with long rows the limit is this number of nanoseconds per row, for at least 10⁶ rows
 _NANOSECONDS_PER_ROW = 3_000.0
 _MIN_ROWS = 1e6
 
 
 @dataclass(frozen=True, eq=False)
 class Explanation(Displayable):
-    """Everything that is certain of an ICP before it is solved; `print` shows the page.
+    """What is proved about an ICP before it is solved; `print` shows the page.
 
     Attributes
     ----------
@@ -57,17 +57,17 @@ class Explanation(Displayable):
     bound : ErrorBound
         The bound at z = 0, whose proof says whether the solution exists and is unique.
     forecasts : tuple of Forecast
-        One for each method.
+        One for each member of the modulus family that was examined.
     first_method : Method or None
-        The method that `solve()` tries first.
+        The method that `solve()` tries first; None if there is none, or if a limit left it open.
     why : str
-        Why `solve()` takes it, or why it has no method.
+        Why `solve()` takes it, or why there is no `first_method`.
     accuracy : float
-        The accuracy of the predicted numbers of steps.
+        The accuracy that the predicted numbers of steps reach.
     method_named : bool
         Whether the user named one method.
     alternative : Forecast or None
-        Another method, proved where the named one is not.
+        Another member that is proved to converge, if the named one is not.
 
     Examples
     --------
@@ -87,7 +87,10 @@ class Explanation(Displayable):
 
     @property
     def recommended(self) -> Forecast | None:
-        """The method that is proved to need the fewest steps, sweeps first; of equal factors the first; or None."""
+        """The forecast with the fewest steps, None if no method has a proved factor.
+
+        Of equal ones it is a method without factorisation, then one with a smaller factor, then the first.
+        """
         rated = {one: one.factor for one in self.forecasts if one.factor is not None}
 
         def cost(one: Forecast) -> tuple[float, bool, float]:
@@ -98,7 +101,7 @@ class Explanation(Displayable):
 
     @cached_property
     def facts(self) -> tuple[str, ...]:
-        """What is known of the solutions where it is not proved that there is one alone."""
+        """Proved statements about the solutions; empty if the solution is proved to be unique."""
         return () if self.bound.unique else tuple(solution_facts(self.problem, self.classes))
 
     @property
@@ -278,14 +281,14 @@ def explain(
     problem : ICP
         The problem.
     method : str or Method, optional
-        The only member of the modulus family to judge. By default MNMJ, MNMGS, MNMSOR and MNMAOR
+        The only member of the modulus family to examine. By default MNMJ, MNMGS, MNMSOR and MNMAOR
         with several θ₁, θ₂ and Ω, PSOR, MNMOD and MNMMOD, and the method that `solve()` tries
         first.
     accuracy : float, default 1e-6
-        Accuracy > 0, in the units of z, of the predicted numbers of steps.
+        Accuracy > 0, in the units of z, that the predicted numbers of steps reach.
     thorough : bool, default False
-        Answer every question, however long it takes. By default a question is left open after a
-        number of products with A, and the output says so.
+        Whether to answer every question, however long it takes. By default a question is left open
+        beyond a work limit, and the output says so.
     **options
         Options of a `method` that is given by name.
 
@@ -298,11 +301,13 @@ def explain(
     ------
     InputError
         For a method outside of the family.
+    NotApplicable
+        For a method where p is nonlinear.
 
     Notes
     -----
-    A member with theta1="auto" is judged with the numbers of `adapt`, although a run of mnmaor
-    adapts them.
+    A member with theta1="auto" is examined with the fixed numbers of its `adapt`, although a run
+    changes them.
 
     References
     ----------
@@ -324,7 +329,7 @@ def explain(
     product_cost = problem.matrix.product_cost
     max_cost = min(MAX_PRODUCTS * product_cost + MAX_NANOSECONDS, _NANOSECONDS_PER_ROW * max(problem.n, _MIN_ROWS))
     if as_truth(thorough, "thorough"):
-        max_cost = sys.float_info.max  # without any limit a bound would take a minute at most
+        max_cost = sys.float_info.max  # a limit, because without any `error_bound` stops after a minute of work
     products = max_cost / product_cost
     with Allowance(products, product_cost).enforced(), one_blas_thread():
         limit = Allowance(_QUESTION_SHARE * products, product_cost)
@@ -334,7 +339,7 @@ def explain(
 def _make_explanation(
     problem: ProblemData, method: str | Method | None, accuracy: float, limit: Allowance, options: dict[str, Any]
 ) -> Explanation:
-    """The page, each question of which may cost up to the `limit`; the rest as in `explain`."""
+    """Make the page within a `limit` for each question; the other parameters are as in `explain`."""
     method_named = method is not None
     alternative = None
     classes = classes_of(problem).decided(limit)
@@ -348,7 +353,7 @@ def _make_explanation(
         if first_method is not None and not any(_same(first_method, one) for one in methods.values()):
             title = f"{type(first_method).__name__}, first choice of solve()"
             adapted = first_method.adapt(problem) if isinstance(first_method, ModulusMember) else first_method
-            methods = {title: adapted} | methods  # the limit may not allow all forecasts
+            methods = {title: adapted} | methods  # first, as the limit may not allow all forecasts
     bound = _bound_at_zero(problem, limit)
     forecasts = tuple(forecasts_of(problem, methods, accuracy, limit))
     if method_named and not any(one.proved_by for one in forecasts):
@@ -381,7 +386,7 @@ def _bound_at_zero(problem: ProblemData, limit: Allowance) -> ErrorBound:
 
 
 def _first_method(problem: ProblemData, limit: Allowance) -> tuple[Method | None, str]:
-    """The method that `solve` begins with, and why; or None, and a sentence on why there is none."""
+    """The method that `solve` begins with, and why; or None, and why there is none or why `limit` left it open."""
     if problem.f is not None:
         return NewtonJosephy(), "p is nonlinear"
     try:

@@ -1,4 +1,4 @@
-"""What theory says of the members of the modulus family on one problem, before any of them runs."""
+"""What is proved about the members of the modulus family on one problem, before any of them runs."""
 
 from __future__ import annotations
 
@@ -29,20 +29,20 @@ from ..theory.matrices.comparison_matrix import FACTORISE_FIRST_UP_TO
 
 @dataclass(frozen=True, eq=False)
 class Forecast(Displayable):
-    """The statements of the theory on one method before it runs.
+    """What is proved about one method before it runs.
 
     Attributes
     ----------
     title : str
-        The constructor of the method, as one types it.
+        The method as the page shows it, such as "MNMGS(), Omega = D".
     method : ModulusMember
         The method.
     checks : dict of str to Check
         Theorem → whether its conditions hold.
     rate : Rate, Answer or None
-        The predicted rate; an `Answer` says why there is none; None where it takes too long.
+        The predicted rate; an `Answer` says why there is none; None if a limit left it open.
     steps : int or None
-        Bound on the number of steps from 0 to the wanted accuracy.
+        Bound on the number of steps from z = 0 to the accuracy; None if none is known.
     supersolution : bool
         Whether a strict supersolution is known, which makes the theorem "monotone" global.
 
@@ -62,7 +62,7 @@ class Forecast(Displayable):
 
     @property
     def factor(self) -> float | None:
-        """The proved contraction factor per step, None where there is none."""
+        """The proved contraction factor per step; None if there is none."""
         return self.rate.factor if isinstance(self.rate, Rate) else None
 
     @property
@@ -73,12 +73,12 @@ class Forecast(Displayable):
 
     @property
     def isotone(self) -> bool:
-        """Whether its steps are monotone, from some starts only."""
+        """Whether its steps are proved to be monotone, but only from super- and subsolutions."""
         return self.checks["monotone"].holds is True and not self.supersolution
 
     @property
     def theorems(self) -> str:
-        """The theorems of `proved_by`, in short."""
+        """The theorems of `proved_by` as text; "none" or "not decided" if there are none."""
         none = "not decided" if self.undecided else "none"
         return ", ".join(self.proved_by).replace("4.1, 4.2, 4.3, 4.4", "4.1 to 4.4") or none
 
@@ -100,7 +100,7 @@ class Forecast(Displayable):
 
 
 def members(problem: ProblemData) -> dict[str, Method]:
-    """Title → member, of the members to forecast; few for a large A."""
+    """Title → member: the members to examine, fewer if A is large or has huge entries."""
     diagonal = problem.A.diagonal()
     methods: dict[str, Method] = {"MNMJ(), Omega = D": MNMJ(), "MNMGS(), Omega = D": MNMGS()}
     if np.abs(problem.A.data).max() > np.finfo(np.float64).max / 4:  # M1 and Omega of the others would overflow
@@ -120,7 +120,7 @@ def members(problem: ProblemData) -> dict[str, Method]:
 def forecasts_of(
     problem: ProblemData, methods: dict[str, Method], accuracy: float, limit: Allowance
 ) -> Iterator[Forecast]:
-    """A forecast of each of the `methods` that is a member of the family and can start, made when it is asked for."""
+    """Yield the forecasts of those `methods` that are members of the family and can start on `problem`."""
     supersolution = False
     with suppress(OutOfTime, MemoryError), limit.enforced():
         supersolution = isinstance(supersolution_proof(problem), SupersolutionProof)
