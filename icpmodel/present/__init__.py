@@ -1,4 +1,4 @@
-"""Tables and cards: one description, shown as text, HTML, CSV or LaTeX; this room knows nothing of what it shows."""
+"""Tables and cards, shown as text, HTML, CSV or LaTeX; this subpackage knows nothing of the objects that it shows."""
 
 from .card import Card
 from .rendering import render

@@ -1,4 +1,4 @@
-"""Cards, names beside texts, and sections, titles above texts, as text and as HTML."""
+"""Cards (names beside texts) and sections (titles above texts), shown as text and as HTML."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from .display import Displayable, brief
 from .rendering import render
 from .table import PAGE_WIDTH, width
 
-#: the least number of columns for the names of a card
+#: the least number of characters for the names of a card
 _NAME_COLUMNS = 9
 
 
@@ -69,7 +69,7 @@ class Card(Displayable, Mapping[str, str]):
 
 
 class Sections:
-    """Title → text, whose lines are indented below the title; a line that is wider than the page is wrapped."""
+    """Titles with texts indented below them; a line that is wider than the page is wrapped."""
 
     def __init__(self, sections: Mapping[str, str]) -> None:
         self.sections = dict(sections)
@@ -84,12 +84,12 @@ class Sections:
 
 
 def page_width() -> int:
-    """The longest line of a card, or of sections."""
+    """The largest number of characters in a line of a card or of sections."""
     return min(width(), PAGE_WIDTH)
 
 
 def inner_width() -> int:
-    """The columns that a table in a section may have."""
+    """The largest number of characters in a line of a table in a section."""
     return page_width() - 2
 
 

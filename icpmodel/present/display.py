@@ -11,7 +11,7 @@ import numpy as np
 
 from .rendering import render
 
-#: a line on a terminal or two for a field, and a screenful is too long for all of them
+#: the largest number of characters of a field, one or two lines of a terminal, and of a whole `repr`
 _MAX_FIELD_LENGTH = 72
 _MAX_REPR_LENGTH = 480
 #: names that fit in a sentence
@@ -19,8 +19,7 @@ _MAX_LISTED = 8
 
 
 class Displayable:
-    """A base: a `repr` of less than 500 characters whatever the arrays in it, and in a notebook the text of `print`,
-    folded to the width of its cell."""
+    """A base class: a `repr` of less than 500 characters, and in a notebook the text of `print`, folded to fit."""
 
     __slots__ = ()
 
@@ -34,7 +33,7 @@ class Displayable:
 
 
 class Plottable(Displayable):
-    """A base of what has a picture, which `icpmodel.study` draws."""
+    """A base class of objects with a picture, which `icpmodel.study` draws."""
 
     __slots__ = ()
 
@@ -55,7 +54,7 @@ class Plottable(Displayable):
         ax : matplotlib axes, optional
             Axes to draw into, one for each panel, or one for the first panel.
         points : array_like of shape (n,), (n, 2) or (n, 3), optional
-            Coordinates of the unknowns, for what has some; by default those of the scene or
+            Coordinates of the unknowns, if the picture uses them; by default those of the scene or
             grid that A is from, else row numbers.
         shape : tuple of int, optional
             Shape (ny, nx) or (nz, ny, nx) of the grid whose unknowns are numbered row by row, in
@@ -79,7 +78,7 @@ class Plottable(Displayable):
 
 
 def brief(value: Any) -> str:
-    """`value` in a few words: of arrays, tables and texts how much there is of them."""
+    """`value` in a few words: an array or a long sequence by its size, a mapping by its keys, a long text cut."""
     if isinstance(value, np.ndarray) and value.size > 1:
         return f"<{' x '.join(map(str, value.shape))} values>"
     if isinstance(value, Mapping):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-#: characters with a meaning in LaTeX, after the end of a line too, or without a letter in its old fonts
+#: characters with a meaning in LaTeX, some of them only after the end of a line, or missing from its old fonts
 _ESCAPED = str.maketrans(
     {
         **{letter: f"\\{letter}" for letter in "&%$#_{}"},
@@ -18,7 +18,7 @@ _ESCAPED = str.maketrans(
 
 
 def as_latex(title: str, heads: tuple[str, ...], cells: list[list[str]], numbers: list[bool]) -> str:
-    """The table as a float; `numbers` says which columns have no texts."""
+    """The table as a LaTeX float; `numbers` says which columns contain numbers only."""
     rows = [[_cell(cell, number) for cell, number in zip(row, numbers, strict=True)] for row in cells]
     lines = [r"\begin{table}", r"\centering", *([rf"\caption{{{_escape(title)}}}"] if title else [])]
     lines += [rf"\begin{{tabular}}{{{''.join('r' if number else 'l' for number in numbers)}}}", r"\toprule"]
@@ -31,7 +31,7 @@ def _escape(text: str) -> str:
 
 
 def _cell(text: str, is_number: bool) -> str:
-    """A number of any size and sign as formula, what is not known as a dash."""
+    """A cell in LaTeX: negative numbers and powers of ten as formulas, an unknown value as a dash, texts escaped."""
     if not is_number or text == "-":
         return "--" if text == "-" else _escape(text)
     digits, _, exponent = text.partition("e")

@@ -1,4 +1,4 @@
-"""HTML from templates, which escape what they are given."""
+"""HTML from templates, which escape the values that they are given."""
 
 from __future__ import annotations
 

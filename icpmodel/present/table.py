@@ -1,4 +1,4 @@
-"""A table: one description, shown as text, HTML, CSV or LaTeX; and how much fits beside each other in a text."""
+"""A table, shown as text, HTML, CSV or LaTeX, and the width of texts on a terminal or in a notebook."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from .display import Displayable
 from .latex import as_latex
 from .rendering import render
 
-#: the columns of a page, in a cell of a notebook as well, which nothing tells: what rich takes for it
+#: characters in a line of a page and of a notebook cell, whose width cannot be asked for: the value that rich takes
 PAGE_WIDTH = 115
-#: in a file or a pipe a line is as long as it needs to be
+#: in a file or a pipe a line may have any length
 _UNBOUNDED = 10_000
-#: texts are wrapped to no fewer columns
+#: texts are wrapped to no fewer characters
 _MIN_TEXT_WIDTH = 12
 #: the spaces between two columns
 _COLUMN_GAP = 2
@@ -57,19 +57,19 @@ class Table(Displayable):
     rows: tuple[tuple[Any, ...], ...]
 
     def __str__(self) -> str:
-        """The table in lines that fit a terminal; elsewhere nothing is wrapped."""
+        """The table, wrapped to the width of a terminal or notebook cell; elsewhere nothing is wrapped."""
         return self.to_text(width(_UNBOUNDED))
 
     def to_text(self, columns: int) -> str:
-        """The table as text, numbers to the right, texts to the left.
+        """The table as text, numbers aligned right, texts aligned left.
 
-        Where the table is too wide, its texts are wrapped. Where that is not enough, the remaining
-        columns stand below, after the first one once more.
+        If the table is too wide, its texts are wrapped. If that is not enough, the remaining
+        columns follow below, beside a copy of the first one.
 
         Parameters
         ----------
         columns : int
-            The largest width of a line.
+            The largest number of characters in a line.
 
         Returns
         -------
@@ -148,7 +148,7 @@ class Table(Displayable):
     _repr_html_ = to_html
 
     def to_csv(self) -> str:
-        """The heads and rows as CSV text, numbers in full.
+        """The heads and rows as CSV text, numbers at full precision.
 
         Returns
         -------
@@ -187,7 +187,7 @@ class Table(Displayable):
         return as_latex(self.title, self.heads, self._cells(), self._numbers())
 
     def _numbers(self) -> list[bool]:
-        """Which columns have no texts."""
+        """Which columns contain no texts."""
         return [not any(isinstance(row[k], str) for row in self.rows) for k in range(len(self.heads))]
 
     def _cells(self) -> list[list[str]]:
@@ -195,7 +195,7 @@ class Table(Displayable):
 
 
 class Tabular(ABC):
-    """A base of what is, or has, a table."""
+    """A base class of objects that are, or have, a table."""
 
     __slots__ = ()
 
@@ -214,14 +214,14 @@ class Tabular(ABC):
 
 
 def _least(head: str, cells: list[str], is_number: bool) -> int:
-    """The fewest characters that a column can have: numbers and words are not cut, texts not too short."""
+    """The least width of a column: numbers and words of the head are not broken, and texts not wrapped too narrowly."""
     longest = max(map(len, cells), default=0)
     word = max(map(len, head.split()), default=0)
     return max(longest if is_number else min(longest, _MIN_TEXT_WIDTH), word)
 
 
 def _blocks(least: list[int], columns: int) -> list[list[int]]:
-    """The columns that stand beside each other, from their least widths; the first one in every block."""
+    """The columns of each block, from the least widths of all columns; every block begins with the first column."""
     blocks: list[list[int]] = [[]]
     for k in range(len(least)):
         block = [*blocks[-1], k]
@@ -239,14 +239,14 @@ def _text(cell: Any) -> str:
 
 
 def folded(text: str) -> str:
-    """`text` in lines that fit what standard output is, all but the first indented."""
+    """`text` wrapped to the width of standard output, all lines but the first indented."""
     return textwrap.fill(text, width(_UNBOUNDED), subsequent_indent="  ", break_on_hyphens=False)
 
 
 def width(otherwise: int = PAGE_WIDTH) -> int:
-    """The columns of the terminal, or the cell of a notebook, that standard output is.
+    """The characters in a line of standard output, if it is a terminal (at least 40) or a notebook cell.
 
-    `otherwise` where it is neither, such as a file or a pipe. JUPYTER_COLUMNS may set those of a notebook.
+    Otherwise, such as for a file or a pipe, it is `otherwise`. JUPYTER_COLUMNS may set the width of a notebook cell.
     """
     if in_notebook():
         columns = os.environ.get("JUPYTER_COLUMNS", "")

@@ -1,6 +1,6 @@
-"""Files that are written whole: at any moment, and after any failure, the old file is there or the new one.
+"""Atomic writing of files: at any moment, and after any failure, either the old file is there or the new one.
 
-A file is replaced only where it is recognised as one of icpmodel's, and a symbolic link never.
+A file is replaced only if it is recognised as one of icpmodel's or is empty; a symbolic link never is.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from ..numerics.arrays import described
 
 
 def as_path(value: Any, name: str = "path") -> Path:
-    """`value`, the argument `name`, as the path of a file. Raises InputError for no path, FileError for no name."""
+    """`value`, the argument `name`, as a Path. Raises InputError if it is no path, FileError if it is empty."""
     if not isinstance(value, str | os.PathLike):
         raise InputError(f"{name} is {described(value)}; a text or a pathlib.Path was expected")
     if not str(value):
@@ -31,12 +31,12 @@ def as_path(value: Any, name: str = "path") -> Path:
 
 @contextmanager
 def file_errors(path: Path, done: str) -> Iterator[None]:
-    """Whatever the system or a library has to say of `path` while it is `done` becomes a FileError that names it."""
+    """Turn any error of the system or a library in a block, in which `path` is `done`, into a FileError naming it."""
     try:
         yield
     except IcpError:
         raise
-    except Exception as error:  # libraries raise what they like on damaged files, and say little
+    except Exception as error:  # libraries raise errors of any class on damaged files, and say little
         reason = getattr(error, "strerror", None) or str(error) or type(error).__name__
         if isinstance(error, FileNotFoundError) and done == "read":
             raise FileError(f"{path}: no such file or folder") from error
@@ -44,7 +44,7 @@ def file_errors(path: Path, done: str) -> Iterator[None]:
 
 
 def write_whole(path: Path, write: Callable[[BinaryIO], Any], check: Callable[[], None]) -> None:
-    """What `write` writes, in the file `path`, once `check` has nothing against it. Raises FileError."""
+    """Call `check`, which may raise, then write the file `path` atomically by `write`. Raises FileError."""
     with file_errors(path, "written"):
         check()
         with part_of(path) as file:
@@ -53,12 +53,12 @@ def write_whole(path: Path, write: Callable[[BinaryIO], Any], check: Callable[[]
 
 
 def write_ours(path: Path, content: bytes, *, begins: bytes = b"", holds: bytes = b"") -> None:
-    """The `content` in the file `path`, where only a file that passes `check_ours` is replaced. Raises FileError."""
+    """Write `content` to the file `path` atomically, if that passes `check_ours`. Raises FileError."""
     write_whole(path, lambda file: file.write(content), lambda: check_ours(path, begins=begins, holds=holds))
 
 
 def place_of(path: Any, written: tuple[str, ...], *, begins: bytes = b"", holds: bytes = b"") -> Path:
-    """`path`, where a file that ends as one of those `written` can be. Raises InputError and FileError."""
+    """`path` as a Path, if its suffix is one of `written` and it passes `check_ours`. Raises InputError, FileError."""
     place = as_path(path)
     check_suffix(place, written)
     check_ours(place, begins=begins, holds=holds)
@@ -66,7 +66,7 @@ def place_of(path: Any, written: tuple[str, ...], *, begins: bytes = b"", holds:
 
 
 def check_ours(path: Path, *, begins: bytes = b"", holds: bytes = b"") -> None:
-    """Raise FileError where a file is at `path` that does not begin with `begins`, or in which `holds` is missing."""
+    """Raise FileError if the file at `path` does not begin with `begins`, lacks `holds`, or cannot be replaced."""
 
     def recognise() -> None:
         with file_errors(path, "read"):
@@ -78,7 +78,10 @@ def check_ours(path: Path, *, begins: bytes = b"", holds: bytes = b"") -> None:
 
 
 def check_replaceable(path: Path, recognise: Callable[[], None]) -> None:
-    """Raise FileError where something is at `path` that `recognise` raises FileError for, or that is protected."""
+    """Raise FileError if no file can be written at `path`, or `recognise` raises it for the nonempty file there.
+
+    None can be written if the folder is missing or protected, nor in place of a link, a folder or a protected file.
+    """
     if not path.parent.is_dir():
         raise FileError(f"{path}: the folder {path.parent} does not exist")
     if not os.access(path.parent, os.W_OK):
@@ -97,24 +100,24 @@ def check_replaceable(path: Path, recognise: Callable[[], None]) -> None:
 
 
 def check_suffix(path: Path, written: tuple[str, ...]) -> None:
-    """Raise FileError for a name that does not end as one of the forms that are `written`."""
+    """Raise FileError unless the suffix of `path` is one of those `written`."""
     if path.suffix.lower() not in written:
         ends = in_words(written)
         raise FileError(f"{path}: a file name that ends in {ends} was expected; all of it is written to one file")
 
 
 def in_words(suffixes: Sequence[str]) -> str:
-    """The suffixes, "or" before the last one."""
+    """The suffixes in a list, with "or" before the last one."""
     *others, last = suffixes
     return " or ".join(filter(None, (", ".join(others), last)))
 
 
 @contextmanager
 def part_of(path: Path) -> Iterator[BinaryIO]:
-    """A new, empty file in the folder of `path`, with the access rights of the existing file; removed at the end.
+    """Open a new file in the folder of `path`, with the access rights of a file at `path`; remove it at the end.
 
-    Its name has the name of the machine and the number of the process. So the next process that
-    writes there recognises the files of killed processes and removes them.
+    Its name contains the name of the machine and the number of the process. So the files of killed
+    processes are recognised; those in the folder are removed first.
     """
     _remove_left_parts(path.parent)
     file = path.with_name(f".{_machine()}-{os.getpid()}-{secrets.token_hex(4)}.part").open("x+b")
@@ -128,11 +131,11 @@ def part_of(path: Path) -> Iterator[BinaryIO]:
 
 
 def put_in_place(file: BinaryIO, path: Path) -> None:
-    """Put the `file` that `part_of` has made in the place of `path`, once all of it is on the disk."""
+    """Rename the `file` that `part_of` has opened to `path`, once all of it is on the disk."""
     file.flush()
     os.fsync(file.fileno())
     Path(file.name).replace(path)
-    # the new name reaches the disk with its folder, where the file system can be asked for that
+    # the new name reaches the disk with its folder, if the file system can write that
     with suppress(OSError):
         folder = os.open(path.parent, os.O_RDONLY)
         try:
@@ -148,7 +151,7 @@ def _machine() -> str:
 def _remove_left_parts(folder: Path) -> None:
     part = re.compile(rf"\.{_machine()}-(\d+)-[0-9a-f]{{8}}\.part")
     names: list[str] = []
-    with suppress(OSError):  # the folder may be one that others cannot list
+    with suppress(OSError):  # the user may have no right to list the folder
         names = os.listdir(folder)
     for name in names:
         if (match := part.fullmatch(name)) and not _lives(int(match[1])):
@@ -157,8 +160,8 @@ def _remove_left_parts(folder: Path) -> None:
 
 
 def _lives(process: int) -> bool:
-    """Whether there may be such a process."""
-    if sys.platform == "win32":  # where this signal is one
+    """Whether a process of this number may be running."""
+    if sys.platform == "win32":  # where signal 0 is CTRL_C_EVENT, which would be sent
         return True
     try:
         os.kill(process, 0)
