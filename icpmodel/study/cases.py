@@ -1,4 +1,4 @@
-"""The problems of a comparison, and the one judge of all, the residual of the problem."""
+"""The problem of a comparison, and the residual by which all its answers are judged."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def uncached_copy(problem: ProblemData) -> ICP:
 
 
 def uninterrupted(solution: Solution) -> Solution:
-    """The solution of a run that Ctrl-C did not end: such an end is that of the whole study, not of one run."""
+    """Return `solution`; raise KeyboardInterrupt if Ctrl-C ended its run, so that the whole study ends."""
     if solution.status is Status.INTERRUPTED:
         raise KeyboardInterrupt
     return solution
@@ -37,10 +37,7 @@ class Case:
 
     @cached_property
     def scale(self) -> float:
-        """Res_D(0), by which residuals are divided.
-
-        Raises InputError where z = 0 is a solution, or Res_D(0) is not finite, so that residuals have no unit.
-        """
+        """Res_D(0), by which residuals are divided. Raises InputError where it is 0 or not finite."""
         scale = self.problem.residual_at_0()
         if not 0 < scale < np.inf:
             raise InputError(f"Res_D(0) of the problem is {scale:g}; there is nothing to measure")
@@ -48,14 +45,14 @@ class Case:
 
     @cached_property
     def formulation(self) -> tuple[Target, float] | None:
-        """The problem as foreign solvers get it, and the unit of its z; None where ψ is not constant or affine."""
+        """The problem in typical units for foreign solvers, and its unit of z; None where ψ is not affine."""
         if self.problem.psi.linear is None:
             return None
         problem, unit = in_typical_units(self.problem)
         return Target(problem), unit
 
     def relative_residual(self, z: Any) -> float | None:
-        """Res_D(z)/Res_D(0), None where z is no finite vector of shape (n,)."""
+        """Res_D(z)/Res_D(0); None where it is not finite, or z is no finite vector of shape (n,)."""
         try:
             ratio = self.problem.residual(as_float64(z, "z")) / self.scale
         except (IcpError, TypeError, ValueError):

@@ -32,7 +32,7 @@ from .cases import Case, uncached_copy, uninterrupted
 
 T = TypeVar("T")
 
-#: the residual of the eigenvector of the Jacobi radius
+#: the relative tolerance of ARPACK for the Jacobi radius
 _RADIUS_TOLERANCE = 1e-4
 
 
@@ -40,10 +40,10 @@ _RADIUS_TOLERANCE = 1e-4
 class Entry(Displayable):
     """One competitor at one `tolerance` of a race.
 
-    `seconds` are those of each round that did not fail. Among them are `build` seconds to make the ICP or the QP, and
-    `setup` seconds of the solver (None: not measured separately). `error` is in the race's measure, and `residual` is
-    Res_D(z)/Res_D(0). A `claim` of success is `loose` if the residual exceeds ten times the tolerance. A foreign solver
-    understands the tolerance in a measure of its own.
+    `seconds` are the times of the first round and of each later one that did not fail. Each includes `build` seconds to
+    make the ICP or the QP, and `setup` seconds of the solver (None: not measured separately). `error` is in the race's
+    measure, and `residual` is Res_D(z)/Res_D(0). A `claim` of success is `loose` if the residual exceeds ten times the
+    tolerance, or is not known. A foreign solver applies the tolerance in its own measure.
     """
 
     name: str
@@ -64,7 +64,7 @@ class Entry(Displayable):
 
     @property
     def note(self) -> str:
-        """The note on a loose claim."""
+        """The requested and the reached accuracy of a loose claim; empty for other claims."""
         if not self.loose:
             return ""
         ours = "no number" if self.residual is None else f"{self.residual:.1e}"
@@ -77,15 +77,15 @@ class Competitor(ABC):
 
     kind: str
     name: str
-    #: how many set-ups a run has that cannot be interrupted
+    #: the number of set-ups in a run that cannot be interrupted
     setups = 0
 
     def why_not(self, case: Case) -> str | None:
-        """Why it cannot take `case`, or None."""
+        """Why this competitor cannot solve `case`, or None."""
         return None
 
     def build(self, case: Case) -> Any:
-        """Build the input of `run`, outside of its time: the ICP, and for a peer the QP from it."""
+        """Make the ICP anew, and for a peer the QP from it, so that this can be timed; `run` does not use them."""
         return uncached_copy(case.problem)
 
     @abstractmethod
@@ -93,7 +93,7 @@ class Competitor(ABC):
         """Solve `case` from scratch; call it only where `why_not` is None."""
 
     def first_run(self, case: Case, tolerance: float, limit: float) -> str | None:
-        """Why it does not take part, or None. Its first run imports and compiles what it needs."""
+        """Run once untimed, to import and compile; return why this competitor does not take part, or None."""
 
         def first() -> str | None:
             if reason := self.why_not(case):
@@ -103,7 +103,7 @@ class Competitor(ABC):
                 self.run(case, tolerance, limit)
             return None
 
-        try:  # what was done in a process is not known here
+        try:  # facts computed in a separate process are lost: `why_not` caches them in this one
             return within(case, self.setups, limit, first) or self.why_not(case)
         except OutOfTime:
             return f"its set-up and first run take longer than time_limit = {limit:g} s"
@@ -111,7 +111,7 @@ class Competitor(ABC):
             return str(error)
 
     def timed_run(self, case: Case, tolerance: float, limit: float) -> Claim:
-        """A run, ended at the `limit` in seconds; what goes wrong in it is its claim."""
+        """Run with a time limit of `limit` seconds; an error becomes the words of the claim."""
         start_time = time.perf_counter()
         try:
             return within(case, self.setups, limit, lambda: self.run(case, tolerance, limit))
@@ -122,7 +122,7 @@ class Competitor(ABC):
 
 
 class OwnMethod(Competitor):
-    """A `method` of this package, or `solve()` without one; with `tune` it is tune(problem), part of its time."""
+    """A `method` of this package, or `solve()` if it is None. With `tune`, each run calls and times tune(problem)."""
 
     def __init__(
         self, name: str = "solve()", method: Method | None = None, tune: Callable[[ICP], Method] | None = None
@@ -145,7 +145,7 @@ class OwnMethod(Competitor):
 
 
 class ForeignCompetitor(Competitor):
-    """A foreign `solver`. Its QP is made before the clock starts, turning that into its own format is its own time."""
+    """A foreign `solver`. Its QP is made before the clock starts; conversion to its own format counts as its time."""
 
     kind = "peer"
     setups = 1
@@ -170,9 +170,9 @@ class ForeignCompetitor(Competitor):
 
 
 def within(case: Case, setups: int, limit: float, call: Callable[[], T]) -> T:
-    """The result of `call`, in a process that is killed at the `limit` in seconds where set-ups may take longer.
+    """Return call(), from a separate process that is killed after `limit` seconds if the set-ups may take longer.
 
-    Raises OutOfTime, ChildProcessError.
+    Raises OutOfTime at the limit, ChildProcessError where the process died.
     """
     if not setups:
         return call()
@@ -180,7 +180,7 @@ def within(case: Case, setups: int, limit: float, call: Callable[[], T]) -> T:
 
 
 def linear_solve_seconds(case: Case, repeats: int, limit: float) -> float | None:
-    """The median time of one solve with A by PyAMG, to ‖Ax − b‖ ≤ 1e-8‖b‖ or as rounding allows: a bound of methods.
+    """The median time of one solve with A by PyAMG, to ‖Ax − b‖ ≤ 1e-8‖b‖ or as rounding allows, for comparison.
 
     None where it fails or takes longer than `limit`.
     """
@@ -195,7 +195,7 @@ def linear_solve_seconds(case: Case, repeats: int, limit: float) -> float | None
 
 
 def tuned_methods() -> list[Competitor]:
-    """Methods that gain by relaxation with the `tuned_omega`."""
+    """The competitors with the relaxation parameter `tuned_omega`."""
     return [
         OwnMethod("psor, tuned", named("psor"), lambda problem: named("psor", omega=tuned_omega(problem))),
         OwnMethod("mnmaor, tuned", named("mnmaor"), lambda problem: overrelaxed(problem, tuned_omega(problem))),
@@ -203,7 +203,7 @@ def tuned_methods() -> list[Competitor]:
 
 
 def tuned_omega(problem: ICP) -> float:
-    """ω = 2/(1 + √(1 − ρ²)) of the Jacobi radius ρ, by ARPACK for many unknowns; 1 unless D > 0 and A couples rows."""
+    """ω = 2/(1 + √(1 − ρ²)), ρ the Jacobi radius, by ARPACK for many unknowns; 1 unless D > 0 and A couples rows."""
     S = couplings(problem.A)
     if not (np.isfinite(S.data).all() and S.data.any() and problem.matrix.has_positive_diagonal):
         return 1.0

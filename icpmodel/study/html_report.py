@@ -1,4 +1,4 @@
-"""One self-contained HTML page on a problem: in short, then pictured, explained, cross-checked, timed and mapped."""
+"""One self-contained HTML page on a problem: a summary, then answer, proofs, cross-check, race, sensitivity and map."""
 
 from __future__ import annotations
 
@@ -45,18 +45,18 @@ from .timing import machine
 
 #: the element that marks a page as one of this package
 GENERATOR = b'<meta name="generator" content="icpmodel">'
-#: a map solves the problem some hundreds of times
+#: the largest n with a map, which solves the problem at `_MAP_POINTS`² points
 _MAP_UP_TO = 1000
 #: the points per axis of the map
 _MAP_POINTS = 9
 #: the seconds that each run of the race may take
 _RACE_LIMIT = 3.0
-#: the ratio of the numbers of two iterates of a run that are pictured
+#: the ratio of the step numbers of successive iterates that are drawn
 _PICTURE_RATIO = 3
 
 
 class Page(str):
-    """The text of a page, which is too long to be shown."""
+    """The HTML text of a page, with a short `repr`."""
 
     __slots__ = ()
 
@@ -71,15 +71,17 @@ class Section:
     Parameters
     ----------
     short : str
-        The answer to the question of the section.
+        The answer to the `question`, in a sentence.
     introduction : str
         A sentence or two.
     panels : sequence of Panel
         The pictures.
     folded : list of (str, str)
-        What can be unfolded: what it is, and its HTML.
+        (title, HTML) of each part that can be unfolded.
     missing : str
         Why the section is empty.
+    heading, question : str
+        Filled in by `report`.
     """
 
     short: str = ""
@@ -114,37 +116,37 @@ def report(
     time_limit: float = 60.0,
     progress: bool = False,
 ) -> Page:
-    """Make one page that opens offline: the answer, what is certain, second opinions, a race and a map.
+    """Make one HTML page that opens offline: answer, certificate, cross-check, race, sensitivity and map.
 
-    It begins in short: whether the problem is solved, how sure that is, which solvers agree, which is quickest,
-    and whether the answer has a derivative. What cannot be done, such as a cross-check of a problem
-    that is too large, is said in its place. The page is dark where the reader's screen is.
+    It begins with a summary: whether the problem is solved, how certain that is, which solvers agree,
+    which is fastest, and whether the answer has a derivative. A section that cannot be made, such as a
+    map of a problem that is too large, says why. The page follows the reader's dark mode.
 
-    A marker that is pointed at has its numbers, and a figure that is clicked on is as wide as the page.
+    Pointing at a marker shows its numbers; clicking on a figure widens it to the page.
 
     Parameters
     ----------
     problem : ICP, Scene, Solution, or what else can be solved
-        What is reported on. It is solved first, but for a solution.
+        The subject of the page. Unless it is a solution, it is solved first.
     path : str or path, optional
         The file to write, whose name ends in .html.
     title, about : str, optional
         Heading and introduction; by default those of the scene.
     points : array_like of shape (n,), (n, 2) or (n, 3), optional
-        Coordinates of the unknowns; by default those of the scene that A is from.
+        Coordinates of the unknowns; by default those of the scene or grid that A is from.
     z_exact : array_like of shape (n,), optional
         The solution where it is known; by default that of the scene.
     command : str, optional
-        What makes the page again.
+        The command that makes the page again, shown on the page.
     time_limit : float, default 60.0
-        Seconds for the cross-check.
+        Seconds for the cross-check, and at most 3 of them for each run of the race.
     progress : bool, default False
-        Whether a line shows what is going on.
+        Whether to show a status line.
 
     Returns
     -------
     str
-        The HTML text, about 1 MB. It loads nothing.
+        The HTML text, about 1 MB. It needs no other file.
 
     Raises
     ------
@@ -207,19 +209,19 @@ def report(
 
 
 def scene_texts(scene: Scene) -> dict[str, Any]:
-    """The introduction and the known solution of a page on `scene`."""
+    """The introduction and the exact solution, if known, for a page on `scene`."""
     return {"about": f"{scene.title}. {scene.models}", "z_exact": scene.z_exact}
 
 
 def page_file(path: Any) -> Path:
-    """`path`, where a page can be written. Raises InputError and FileError."""
+    """Check that a page can be written to `path`, and return it. Raises InputError and FileError."""
     return place_of(path, (".html",), holds=GENERATOR)
 
 
 def _contents(
     solution: Solution, start: Vector | None, points: Vector | None, z_exact: Vector | None, time_limit: float
 ) -> list[tuple[str, str, Callable[[], Section]]]:
-    """Heading, the question that it answers in short, and what makes the section."""
+    """(heading, question of the summary or "", function that makes the section) of each section, in order."""
     problem = solution.problem
     return [
         ("The answer", "Is it solved?", lambda: _answer(solution, start, points, time_limit)),
@@ -233,7 +235,7 @@ def _contents(
 
 
 def _data(problem: ProblemData) -> str:
-    """The size of A, and of what kind each obstacle is."""
+    """The size of A and the kind of each obstacle, in words."""
     sides = "; ".join(f"{name} {_kind(one)}" for name, one in zip(("ψ", "ψ̄"), sides_of(problem.psi), strict=False))
     return f"A is {problem.n} × {problem.n}, with {problem.A.nnz} entries that are not 0; {sides}."
 
@@ -265,7 +267,7 @@ def _answer(solution: Solution, start: Vector | None, points: Vector | None, tim
 
 
 def _sweep_iterates(solution: Solution, start: Vector | None, time_limit: float) -> Fields:
-    """z at iterates in geometric progression of a run of the paper's sweeps. Raises IcpError."""
+    """Iterates of a run of the paper's sweeps, their step numbers in geometric progression. Raises IcpError."""
     iterates: dict[str, Vector] = {}
     following = 0
 
@@ -349,10 +351,10 @@ def _map(problem: ProblemData) -> Section:
 
 
 def _svg(panel: Panel) -> str:
-    """The panel as an SVG element that says what it shows.
+    """The panel as an SVG element with its alternative text.
 
-    Names within it are its own, as several figures meet on a page. What is black has the colour of the text, and white
-    paper is the page. A marker says its numbers, and a cell its value.
+    Its ids have a prefix of their own, as several figures share a page. Black becomes the colour of the text, and white
+    backgrounds are transparent. Tooltips show the numbers of a marker and the value of a cell.
     """
     figure = panel_figure(panel)
     figure.patch.set_visible(False)
@@ -374,7 +376,7 @@ def _svg(panel: Panel) -> str:
 
 
 def _tips(axes: Any) -> Iterator[tuple[Any, str, list[str]]]:
-    """Artists, the SVG elements of their markers or cells, and what each of these says."""
+    """Yield (artist, SVG tag of its markers or cells, their tooltips)."""
     for line in axes.lines:
         label = line.get_label()
         if line.get_marker() != "None" and not label.startswith("_"):
@@ -386,7 +388,7 @@ def _tips(axes: Any) -> Iterator[tuple[Any, str, list[str]]]:
 
 
 def _with_titles(element: str, words: Iterator[str], group: re.Match[str]) -> str:
-    """The elements of a group, each with the next of the words as its title."""
+    """The text of a matched group, in which each `element` has the next of `words` as its tooltip."""
 
     def with_title(one: re.Match[str]) -> str:
         return f"{one.group(1)}><title>{escape(next(words, ''))}</title></{element}>"

@@ -1,4 +1,4 @@
-"""Planes of two parameters on which methods are tried out: of the method, or of the problem."""
+"""Planes of two parameters, of a method or of a problem, on which a stability map runs methods."""
 
 from __future__ import annotations
 
@@ -85,8 +85,8 @@ class Plane(Displayable):
     default: tuple[float, float] | None = None
 
 
-#: the largest θ₁ and θ₂: on eight scenes with n from 49 to 400 the fewest steps are at θ₂ from 2 to 4.7; on larger
-#: problems it was not tested
+#: the largest θ₁ and θ₂: on eight scenes with n from 49 to 400 the fewest steps are at θ₂ from 2 to 4.7; larger
+#: problems were not tested
 _LARGEST = (2.5, 6.0)
 #: the planes of a method's parameters, and those of a problem's
 _METHOD_PLANES = ("relaxation", "shift")
@@ -95,14 +95,14 @@ PLANES = (*_METHOD_PLANES, *_PROBLEM_PLANES)
 
 
 def relaxation_plane(points: int, one: ProblemData) -> Plane:
-    """θ₁ and θ₂ of MNMAOR on `one`, θ₂ beyond θ₁: the fewest steps are where θ₂ is two or three θ₁."""
+    """The plane θ₁, θ₂ of MNMAOR on `one`; θ₂ has the larger range, as steps are fewest at θ₂ from 2θ₁ to 3θ₁."""
     theta1 = Axis("theta1", "relaxation θ₁", np.linspace(0.1, _LARGEST[0], points))
     theta2 = Axis("theta2", "acceleration θ₂", np.linspace(0.0, _LARGEST[1], points))
     return Plane(f"MNMAOR on {title(one)}", theta1, theta2, partial(_with_relaxation, one), default=(1.0, 1.0))
 
 
 def _shift_plane(points: int, one: ProblemData) -> Plane:
-    """φ/D and Ω/D of MNMGS on `one`."""
+    """The plane φ/D, Ω/D of MNMGS on `one`. Raises InputError unless D > 0."""
     D = one.A.diagonal()
     if not (D > 0).all():
         i = int(np.argmax(D <= 0))
@@ -113,7 +113,10 @@ def _shift_plane(points: int, one: ProblemData) -> Plane:
 
 
 def _problem_plane(name: str, points: int, n: int, sweep: Method) -> Plane:
-    """Grids for one method: shift μ or skewness of A, or its scale, on which no step with Ω = D depends; and ‖G‖∞."""
+    """The plane `name` of problems on a grid, for the method `sweep`.
+
+    Its axes are two of: shift μ, skewness or scale of A, and ‖G‖∞. The scale changes no step with Ω = D.
+    """
     norm = Axis("norm of G", "‖G‖∞ of ψ(z) = Gz + c", np.linspace(0.0, 4.0 if name == "units" else 2.0, points))
     if name == "coupling":
         mu = np.geomspace(0.01, 10.0, points)
@@ -130,7 +133,7 @@ def _problem_plane(name: str, points: int, n: int, sweep: Method) -> Plane:
     return Plane(f"{method}: {about}", *axes, partial(_on_a_grid, name, side(n), sweep))
 
 
-# functions of the file, as what is public can be sent to another process
+# functions of the module, so that a plane can be pickled for another process
 
 
 def _with_relaxation(one: ProblemData, x: float, y: float) -> tuple[ProblemData, Method]:
@@ -142,7 +145,7 @@ def _with_shift(one: ProblemData, D: Vector, x: float, y: float) -> tuple[Proble
 
 
 def _on_a_grid(name: str, m: int, sweep: Method, x: float, y: float) -> tuple[ProblemData, Method]:
-    """z* random and complementary, ψ(z) = Gz + c with G = (norm/4)·adjacency of the m × m grid."""
+    """`sweep`, and a problem with random complementary z*, ψ(z) = Gz + c, G = (norm/4)·adjacency of the m × m grid."""
     if name == "coupling":
         A, norm = five_point(m, x), y
     elif name == "transport":
@@ -155,7 +158,7 @@ def _on_a_grid(name: str, m: int, sweep: Method, x: float, y: float) -> tuple[Pr
 
 
 def plane(name: str, points: int, n: int, problem: ProblemData | None, method: str | None) -> Plane:
-    """The plane called `name`, one of `PLANES`, on the `problem` or with the `method`, None for the default ones."""
+    """The plane called `name`, one of `PLANES`, on `problem` or with `method`, None for defaults. Raises InputError."""
     if name in _PROBLEM_PLANES:
         if problem is not None:
             raise InputError("problem: this plane makes its own; only the planes relaxation and shift take one")

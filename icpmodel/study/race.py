@@ -33,9 +33,9 @@ from .timing import machine, run_interleaved
 
 #: the tolerances that each competitor is asked for
 DEFAULT_TOLERANCES = tuple(10.0**-k for k in range(2, 13))
-#: own methods in the chart if none are named
+#: the methods of this package that take part if none are named
 DEFAULT_METHODS = ("mnmgs", "mnmaor, tuned", "psor, tuned", "newton", "multilevel")
-#: a claim of success is loose where the residual, relative to Res_D(0), exceeds this multiple of what was asked for
+#: a claim of success is loose where the residual, relative to Res_D(0), exceeds this multiple of the tolerance
 _LOOSE_FACTOR = 10.0
 #: a run that takes more seconds than this is timed once
 _TIMED_ONCE_SECONDS = 1.0
@@ -117,10 +117,10 @@ class Race(Plottable, Tabular):
 
     @property
     def winner(self) -> str:
-        """The first competitor to reach Res_D(z) ≤ 1e-8·Res_D(0), in one sentence.
+        """The competitor with the shortest time to Res_D(z) ≤ 1e-8·Res_D(0), in one sentence.
 
-        Where none did, the goal is the smallest tolerance that one reached. Competitors whose times
-        overlap with those of the first are named as level with it.
+        If none reached that, the smallest tolerance that one reached replaces 1e-8. Competitors whose
+        times overlap with those of the first are named as level with it.
 
         Examples
         --------
@@ -131,7 +131,7 @@ class Race(Plottable, Tabular):
         return self.in_words("First to Res_D(z) <= {goal:g} Res_D(0)")
 
     def quickest(self, goal: float) -> dict[str, Entry]:
-        """The quickest run of each competitor that reached a goal, the quickest one first.
+        """The fastest run of each competitor that reached a goal, in the order of their times.
 
         Parameters
         ----------
@@ -150,12 +150,12 @@ class Race(Plottable, Tabular):
         return best
 
     def in_words(self, opening: str) -> str:
-        """The winner in one sentence.
+        """The winner in one sentence, as in `winner`.
 
         Parameters
         ----------
         opening : str
-            The beginning of the sentence, with {goal} in it.
+            The beginning of the sentence; {goal} in it is replaced by the goal.
 
         Returns
         -------
@@ -198,10 +198,10 @@ def race(
     problem : ICP, Scene, or what else can be solved
         The problem.
     methods : sequence of str or Method, optional
-        Own methods beside `solve()`; by default some that the problem admits. "mnmaor, tuned" and
-        "psor, tuned" have the ω of the estimated Jacobi radius.
+        Methods of this package beside `solve()`, by default five; those that cannot solve the problem
+        are left out. "mnmaor, tuned" and "psor, tuned" take ω from the estimated Jacobi radius.
     solvers : sequence of str or ForeignSolver, optional
-        Independent solvers, by default all that the problem admits.
+        Independent solvers, by default all that can take the problem.
     z_exact : array_like of shape (n,), optional
         The solution where it is known; by default that of the scene.
     tolerances : sequence of float, default 1e-2, 1e-3, ... 1e-12
@@ -209,12 +209,12 @@ def race(
     repeats : int, default 3
         Rounds of timings; a run of a second or more is timed once.
     time_limit : float, default 10
-        Seconds for a run with its set-up. A competitor that takes longer is asked for no more, and
-        one whose set-up alone is expected to take longer does not take part.
+        Seconds for a run with its set-up. A competitor that exceeds them is not run at smaller
+        tolerances; one that is stopped in its untimed first run is left out.
     progress : bool, default False
-        Whether a line shows what is going on.
+        Whether to show a status line.
     command : str, optional
-        Noted beside the data.
+        The command that repeats the race, stored in the result.
 
     Returns
     -------
@@ -224,17 +224,19 @@ def race(
     Raises
     ------
     InputError
-        For wrong arguments, and where z = 0 is a solution, as there is nothing to measure.
+        For wrong arguments, and where Res_D(0) is 0 or not finite, as residuals are divided by it.
+    NotApplicable
+        Where p is nonlinear.
     Interrupted
         At Ctrl-C; its `report` is the race so far.
 
     Notes
     -----
-    The error is max|z − z*| where `z_exact` is given. Otherwise it is |z − ẑ| + β, a certified bound,
-    with a polished answer ẑ and its error bound β. Without β it is Res_D(z)/Res_D(0). One measure
-    holds for all of a race.
+    The error is max|z − z*| where z* is known. Otherwise it is max|z − ẑ| + β, a certified bound,
+    with a polished answer ẑ and its error bound β. Without β it is Res_D(z)/Res_D(0). All entries of
+    a race have the same measure.
 
-    A competitor is not asked for a tolerance that its answer to a larger one meets already.
+    A tolerance is skipped for a competitor whose answer at a larger one already meets it.
 
     While a foreign solver runs in this process, what other threads print or log is lost.
 
@@ -277,7 +279,7 @@ def race(
 
 
 def _goals(tolerances: Sequence[float]) -> list[float]:
-    """The tolerances, each once, the largest first."""
+    """The checked tolerances, each once, the largest first. Raises InputError."""
     goals = {as_number(one, "tolerances", above=0.0, below=1.0) for one in as_list(tolerances, "tolerances")}
     if not goals:
         raise InputError("tolerances is empty; at least one number in (0, 1) was expected")
@@ -285,7 +287,7 @@ def _goals(tolerances: Sequence[float]) -> list[float]:
 
 
 def _own_competitors(methods: Sequence[str | Method] | None) -> list[Competitor]:
-    """The own methods that take part; what was asked for by name must be known."""
+    """The competitors for the named `methods`, by default `DEFAULT_METHODS`. Raises InputError for an unknown name."""
     tuned = {one.name: one for one in tuned_methods()}
     return [
         OwnMethod(repr(one), one) if isinstance(one, Method) else tuned.get(str(one)) or OwnMethod(one, named(one))
@@ -294,7 +296,7 @@ def _own_competitors(methods: Sequence[str | Method] | None) -> list[Competitor]
 
 
 def _measure(case: Case, z_exact: Any, limit: float) -> tuple[str, _Error]:
-    """What "error" is in words, and the function of z that gives it."""
+    """The measure of error in words, and the function z ↦ error. Raises InputError for a Res_D(0) of 0 or infinity."""
     _ = case.scale  # raises InputError where it is 0 or not finite
     problem = case.problem
     known = 0.0
@@ -319,9 +321,9 @@ def _measure(case: Case, z_exact: Any, limit: float) -> tuple[str, _Error]:
 def _run(
     case: Case, competitors: list[Competitor], goals: list[float], repeats: int, limit: float, error: _Error, say: _Say
 ) -> Iterator[Entry]:
-    """Run every competitor once, to find its tolerances and its time; then repeat the short runs."""
+    """Run every competitor at every tolerance, then repeat the short runs; yield each entry when new or extended."""
     builds = {one.name: timeit(partial(one.build, case), number=1) for one in competitors}
-    reached = dict.fromkeys(builds, 1.0)  # 0 for one that is asked for no more
+    reached = dict.fromkeys(builds, 1.0)  # 0 for a competitor that is not run again
     repeated = {}
     entries = {}
     start_time = time.monotonic()

@@ -1,4 +1,4 @@
-"""How much the answer moves when the data move: a condition number, found in three ways."""
+"""The condition number of the answer with respect to the data: computed, estimated or certified."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from ..problem.two_sided import sides_of
 from ..solve.solution import Solution
 from ..theory.certificates.bounds import perturbation_bound
 
-#: up to this size the inverse is computed, beyond its norm is estimated
+#: up to this n the inverse is computed; beyond it, its norm is estimated
 _INVERT_UP_TO = 500
-#: the number of draws of the signs of the changes
+#: the number of random sign vectors of the changes
 _RANDOM_SIGNS = 10
 #: ε of the change that the certificate bounds: second-order terms and rounding are of the same size
 _RELATIVE_CHANGE = np.sqrt(UNIT_ROUNDOFF)
@@ -28,25 +28,26 @@ _RELATIVE_CHANGE = np.sqrt(UNIT_ROUNDOFF)
 @check_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class Sensitivity(Plottable):
-    """κ with max|δz| ≤ κ·ε·max|z| where A, q and ψ change by at most ε of themselves, entry by entry.
+    """The condition number κ: max|δz| ≤ κ·ε·max|z| if every entry of A, q and ψ changes by at most ε of itself.
 
     Parameters
     ----------
     problem : ICP
         The problem.
     local : float or None
-        κ to first order, on the active set of z, undecided rows on the side they are nearer to. None
-        where its equations are singular or ψ has no derivative.
+        κ to first order, on the active set of z; undecided rows take the side that z is nearer to.
+        None where the equations of the active set are singular or ψ has no derivative.
     rows : array of shape (n,) or None
         The same for each entry of z, κ_i with |δz_i| ≤ κ_i·ε·max|z|; `plot` draws it.
     exact : bool
-        Whether both were computed. Estimates are from below, that of κ seldom by more than a factor
-        of 3; those of κ_i are the largest of ten draws of the signs of the changes.
+        Whether `local` and `rows` were computed, not estimated. Estimates are lower bounds. That of κ
+        is seldom too small by more than a factor of 3. Those of κ_i are maxima over ten random sign
+        vectors of the changes.
     certified : float or None
-        An upper bound to first order, from the proof behind the error bound, whatever the active
-        set. None where there is no proof.
+        An upper bound of κ to first order, from the proof of the error bound, for any active set.
+        None where there is no proof.
     undecided : int
-        Rows that are not proved to be at the obstacle or off it.
+        The number of rows that are not proved to be at the obstacle or off it.
 
     Examples
     --------
@@ -78,7 +79,7 @@ class Sensitivity(Plottable):
 
 @check_arguments
 def sensitivity(solution: Solution) -> Sensitivity:
-    """How much z moves when A, q and ψ move by a small share ε of themselves, entry by entry.
+    """Compute the condition number of z with respect to small relative changes ε of the entries of A, q and ψ.
 
     On the active set Jδz = δ with |δ| ≤ εE. J has the rows of I − ψ′ at the obstacle and of A elsewhere.
     E_i is (|A||z| + |q|)_i off the obstacle. At it, E_i is (|G||z| + |c|)_i, or |ψ_i(z)| where ψ is not
@@ -122,7 +123,7 @@ def sensitivity(solution: Solution) -> Sensitivity:
     change_r = np.maximum.reduce(changes_r)
     unit = _RELATIVE_CHANGE * size
     certified = None
-    if solution.certificate.unique:  # a proof for the tangent problem alone is not one for this
+    if solution.certificate.unique:  # `perturbation_bound` alone would prove it for the tangent problem only
         with np.errstate(over="ignore", invalid="ignore"):
             certified = perturbation_bound(problem.linearised(z), z, unit * change_p, unit * change_r)
     local, rows = _local(answer, change_p, changes_r)
@@ -151,7 +152,7 @@ def _relative_changes(problem: ProblemData, z: Vector, size: float) -> list[Vect
 
 
 def _local(answer: Solution, change_p: Vector, changes_r: list[Vector]) -> tuple[float | None, Vector | None]:
-    """‖|J⁻¹|E‖_∞/max|z| and |J⁻¹|E/max|z|, computed or estimated, None where J is singular.
+    """‖|J⁻¹|E‖_∞/max|z| and |J⁻¹|E/max|z|, computed or estimated; None where J is singular or ψ has no derivative.
 
     Reference: Higham, ACM Trans. Math. Softw. 14 (1988), for the estimate."""
     from scipy.sparse.linalg import LinearOperator, onenormest
@@ -178,7 +179,7 @@ def _local(answer: Solution, change_p: Vector, changes_r: list[Vector]) -> tuple
             return float(rows.max()), rows
         rows = columns.max(axis=0)
         product = LinearOperator((E.size, E.size), matvec=matrix_product, rmatvec=adjoint_product, dtype=np.float64)
-        # with t = 1, as more columns are drawn from NumPy's global state; what that may miss, the draws show
+        # t = 1, as further columns would come from NumPy's global random state; the maximum with `rows` makes up for it
         return max(float(onenormest(product, t=1)), float(rows.max())), rows
     except SingularOperator:
         return None, None

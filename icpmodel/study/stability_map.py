@@ -30,38 +30,39 @@ from .cases import uninterrupted
 from .planes import PLANES, Plane
 from .planes import plane as plane_named
 
-#: a proof is contradicted by these; "slow" and "precision limit" are what a factor near 1 and rounding do to it
+#: the ends that contradict a proof of convergence
 _CONTRADICTING_ENDS = ("stagnated", "cycled", "diverged", "overflowed")
-#: and these do not contradict it: where the obstacles cross the point that is reached need not be a solution
+#: the ends that do not: "slow" may be a rate near 1, "precision limit" is due to rounding, and where the obstacles
+#: cross, the limit need not be a solution
 _UNDECIDING_ENDS = ("slow", "memory limit", "precision limit", "map failed", "obstacles cross", "infeasible")
 #: the ends of a run, from the best to the worst; the status "diverged" is split by whether the residual stayed finite
 RUN_ENDS = ("solved", *_UNDECIDING_ENDS, *_CONTRADICTING_ENDS, "refused", "not run")
 #: the theorems that prove convergence from every start; "monotone" needs a special one
 GLOBAL_THEOREMS = tuple(name for name in theorems() if name != "monotone")
-#: the theorems that the paper prints otherwise
+#: the theorems whose conditions the paper prints differently
 MISPRINTED_THEOREMS = ("4.2", "4.3", "4.4")
-#: the type of an end, which takes most of the memory of a point
+#: the type of an end, most of the memory for a point
 _END = np.dtype(f"<U{max(map(len, RUN_ENDS))}")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class StabilityMap(Plottable, Tabular):
-    """The result of `stability`: how the method ended at every point of a plane of two parameters.
+    """The result of `stability`: how the runs ended at every point of a plane of two parameters.
 
     Attributes
     ----------
     plane : Plane
         The plane, with its axes x and y.
     ends : array of str, shape (len(y), len(x))
-        One of `RUN_ENDS` per point, the worst of its runs; "not run" where the time was over.
+        One of `RUN_ENDS` per point, the worst of its runs; "not run" after the time limit.
     steps : array of int
-        The steps that a solved point took, 0 elsewhere.
+        The most steps of a run at a solved point, 0 elsewhere.
     proved : dict of str to array of bool
         Theorem → the points where it proves convergence.
     printed : dict of str to array of bool
-        The same of the statements as the paper prints them.
+        The same for the statements as printed in the paper, where they differ.
     max_iter, rtol : int, float
-        Of the runs.
+        The limits of the runs.
     command : str
         The command that repeats the map.
 
@@ -100,7 +101,7 @@ class StabilityMap(Plottable, Tabular):
 
     @property
     def contradictions(self) -> int:
-        """At how many points a theorem proves convergence and a run failed: must be 0."""
+        """The number of points where a theorem proves convergence and a run failed: must be 0."""
         return int((self.any_proved & self.failed).sum())
 
     @property
@@ -109,7 +110,7 @@ class StabilityMap(Plottable, Tabular):
         return int((self.any_printed & self.failed).sum())
 
     def table(self) -> Table:
-        """One row per point: the two parameters, the end, the steps, and the theorems that prove it.
+        """One row per point: the two parameters, the end, the steps, and the theorems that prove convergence.
 
         Returns
         -------
@@ -125,7 +126,7 @@ class StabilityMap(Plottable, Tabular):
         return Table(self.plane.title, heads, tuple(rows))
 
     def summary(self) -> Table:
-        """How many points ended how, and how many of them are proved.
+        """One row per end: the number of points, and how many of them are proved to converge.
 
         Returns
         -------
@@ -165,15 +166,14 @@ def stability(
     progress: bool = False,
     command: str = "",
 ) -> StabilityMap:
-    """Solve at every point of a plane of two parameters, and ask every theorem there.
+    """Solve at every point of a plane of two parameters, and check every convergence theorem there.
 
     Parameters
     ----------
     plane : {"relaxation", "shift", "coupling", "transport", "units"} or Plane
-        What varies.
+        The plane: "relaxation" and "shift" vary parameters of a method, the others of the problem.
     problem : ICP, or what else can be solved, optional
-        For the planes whose parameters are the method's, "relaxation" and "shift"; by default
-        manufactured-affine.
+        The problem on the planes "relaxation" and "shift"; by default manufactured-affine.
     method : str, optional
         The method on the other planes, by default "mnmgs".
     points : int, default 25
@@ -181,17 +181,17 @@ def stability(
     n : int, default 49
         Wanted number of unknowns of a built-in problem.
     starts : int, default 3
-        Starts per point, 0 and random vectors, until a run fails; the worst run counts.
+        Starts per point: 0, then random vectors, until a run fails. The worst run counts.
     max_iter : int, default 2000
-        Steps of a run.
+        Maximal number of steps of a run.
     rtol : float, default 1e-8
         Relative tolerance of a run.
     time_limit : float, optional
-        Seconds for all points; those that are left then are "not run".
+        Seconds for all points; those not reached by then are "not run".
     progress : bool, default False
-        Whether a line shows what is going on.
+        Whether to show a status line.
     command : str, optional
-        Noted beside the data.
+        The command that repeats the map, stored in the result.
 
     Returns
     -------
@@ -202,6 +202,8 @@ def stability(
     ------
     InputError
         For wrong arguments.
+    NotApplicable
+        Where p is nonlinear.
     Interrupted
         At Ctrl-C; its `report` is the map so far.
 
@@ -246,7 +248,7 @@ def stability(
 
 
 def _check_memory(rows: int, columns: int) -> None:
-    """Raise InputError where a map of so many points exceeds the free memory."""
+    """Raise InputError where a map of `rows` × `columns` points exceeds the free memory."""
     size = float(_END.itemsize * rows * columns)
     if not memory_suffices(size):
         raise InputError(
@@ -275,7 +277,7 @@ def _fill(result: StabilityMap, starts: int, progress: bool) -> None:
 
 
 def _worst_run(problem: ProblemData, method: Method, starts: int, result: StabilityMap) -> tuple[str, int]:
-    """How the worst run ended, and the most steps of a run. Raises OutOfTime."""
+    """The worst end of the runs from `starts` starts, and their largest number of steps. Raises OutOfTime."""
     runs = list[tuple[str, int]]()
     for k in range(starts):
         runs.append(_run(problem, method, k, result.max_iter, result.rtol))
@@ -285,7 +287,7 @@ def _worst_run(problem: ProblemData, method: Method, starts: int, result: Stabil
 
 
 def _run(problem: ProblemData, method: Method, k: int, max_iter: int, rtol: float) -> tuple[str, int]:
-    """How the run from the k-th start ended, and after how many steps. Raises OutOfTime."""
+    """The end of the run from the k-th start, and its number of steps. Raises OutOfTime."""
     check_budget()
     z0: Vector = 10.0 * np.random.default_rng(k).standard_normal(problem.n) if k else np.zeros(problem.n)
     options: dict[str, Any] = {"z0": z0, "max_iter": max_iter, "rtol": rtol, "history": True}

@@ -1,4 +1,4 @@
-"""The harness of all timings: calls are run in turn, round by round, so that what slows the machine slows them all."""
+"""Interleaved timings: all calls are run in turn, round by round, so that a slow phase of the machine affects all."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ Run = TypeVar("Run")
 def run_interleaved(
     calls: Mapping[Name, Callable[[], Run]], rounds: int, say: Callable[[int], None] = lambda done: None
 ) -> Iterator[tuple[Name, Run]]:
-    """(name, run) of all `calls`, `rounds` times in turn, each round beginning with another one.
+    """Make all `calls` in each of the `rounds`, and yield (name, result). Each round begins with another call.
 
-    `say` is called with the number of the round, from 1. A call that is taken out of `calls` is made no more.
+    `say` is called with the number of the round, from 1. A call that is removed from `calls` is not made again.
     """
     names = list(calls)
     for done in range(rounds if names else 0):

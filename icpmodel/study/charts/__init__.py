@@ -1,1 +1,1 @@
-"""How studies are drawn."""
+"""The figures of solutions and studies."""

@@ -17,7 +17,7 @@ from ...scenes.registry import title
 from .figures import GREY, ORANGE, PURPLE, Drawing, Panel, drawing
 from .places import MAX_MARKED_POINTS, Places, Slice, places_of
 
-#: a curve of more points is written as pixels
+#: a curve with more points is rasterised
 MAX_VECTOR_POINTS = 5000
 #: the largest number of fields of a sequence that are drawn, evenly spaced
 _MAX_FIELDS = 6
@@ -96,7 +96,7 @@ def _curves(places: Places, values: Mapping[str, Vector], axes: Any) -> list[Any
 
 
 def line_style(places: Places, colour: Any, width: float, marker: str = "o") -> dict[str, Any]:
-    """The options of `Axes.plot` for a curve; few rows are markers and many are steps, as nothing is between them."""
+    """The options of `Axes.plot` for a curve; by row number, few values are markers and many are steps, not lines."""
     count = places.x.size
     if places.by_row and count <= MAX_MARKED_POINTS:
         size = 6 if marker == "o" else max(400 / max(count, 8), 8)
@@ -106,9 +106,9 @@ def line_style(places: Places, colour: Any, width: float, marker: str = "o") -> 
 
 
 def style_axes(axes: Any, whole: bool) -> list[Any]:
-    """Draw a grid without a frame. If x are `whole`, each has half a unit around it, and ticks are at them alone.
+    """Draw a grid without a frame. If `whole`, x ticks are whole numbers, with half a unit of room on either side.
 
-    Returns no handles.
+    Returns an empty list: no handles for a legend.
     """
     axes.grid(alpha=0.3)
     axes.spines[["top", "right"]].set_visible(False)
@@ -120,7 +120,7 @@ def style_axes(axes: Any, whole: bool) -> list[Any]:
 
 
 class Field(NamedTuple):
-    """A vector as colours: its title, the label of its colours, their limits, and the rows that have an outline."""
+    """A vector drawn as colours: title (`words`), label of the scale, caption, colour map, limits, rows to outline."""
 
     values: Vector
     words: str
@@ -132,7 +132,7 @@ class Field(NamedTuple):
 
 
 def in_planes(places: Places, fields: Sequence[Field], heading: str) -> Drawing:
-    """Every field in every plane, on one scale in all of them."""
+    """The drawing of every field in every plane; a field has the same colour scale in all planes."""
     panels = []
     for field in fields:
         values = np.concatenate([field.values[plane.rows] for plane in places.planes])

@@ -1,4 +1,4 @@
-"""What all figures have in common: colours, markers, and one way to show them, write them or draw them into axes."""
+"""What all figures share: colours, markers, and the functions that show, write or draw them into axes."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ Name = TypeVar("Name", bound=Hashable)
 #: a matplotlib figure: matplotlib is loaded when the first one is drawn
 Figure = Any
 
-#: which colour-blind readers can tell apart: Okabe and Ito, Color Universal Design (2008)
+#: colours that colour-blind readers can tell apart: Okabe and Ito, Color Universal Design (2008)
 BLUE = "#0072B2"
 ORANGE = "#D55E00"
 GREEN = "#009E73"
@@ -34,7 +34,7 @@ YELLOW = "#E69F00"
 SKY = "#56B4E9"
 COLOURS = (BLUE, ORANGE, GREEN, PURPLE, YELLOW, SKY)
 MARKERS = ("s", "^", "D", "v", "P", "X")
-#: the colour of small words and of all but the series: 4.7 : 1 on white
+#: the colour of small text and of everything but the series: contrast 4.7 : 1 on white
 GREY = "0.45"
 #: the objects with a picture, in words
 _DRAWABLE = "a Solution, a list of them, Solutions, Fields, a Derivative, Sensitivity, History, Scene, Race or map"
@@ -45,14 +45,14 @@ FORMATS = (".png", ".pdf", ".svg")
 #: the metadata of a picture of this package, and the first characters of the data beside it
 _PICTURE_MARK = b"made by icpmodel"
 _TABLE_MARK = b"# icpmodel"
-#: a panel on its own, in inches: on the screen of a phone its letters are still those of a small print
+#: the size of a single panel, in inches: its text stays legible on the screen of a phone
 SINGLE_PANEL = (4.9, 3.7)
 
 
 def styles(names: Iterable[Name]) -> dict[Name, tuple[str, str]]:
-    """Name → (colour, marker), a pair of its own for each of up to 36 names; "solve()" is a black circle.
+    """Name → (colour, marker), different for up to 36 names; "solve()" is a black circle.
 
-    No two of six names in a row have the same colour, so a panel of six can be told apart by colour alone.
+    Any six successive names have different colours, so that colour alone distinguishes the series of a panel.
     """
     others = [name for name in names if name != "solve()"]
     count = len(COLOURS)
@@ -67,13 +67,13 @@ class Panel:
     Attributes
     ----------
     draw : callable
-        Draws into axes and returns the handles of the legend, or none where it has drawn its own.
+        Draws into axes and returns the handles of a legend; none if it has drawn its own.
     caption : str
         How to read the picture.
     alt : str
-        What there is to see, as text.
+        The alternative text: what there is to see.
     height : float
-        Inches of a figure with this panel alone.
+        Height of a figure with this panel alone, in inches.
     """
 
     draw: Callable[[Any], Sequence[Any]]
@@ -95,7 +95,7 @@ class Drawing:
     mosaic : nested sequence of int
         The arrangement of the panels, by their numbers.
     layout : mapping
-        Options of the mosaic.
+        Options of `Figure.subplot_mosaic`.
     columns : int
         Columns of the legend below the panels.
     title : str
@@ -110,13 +110,13 @@ class Drawing:
     title: str = ""
 
     def figure(self) -> Figure:
-        """All panels on a figure that belongs to no window."""
+        """Draw all panels on a new figure that belongs to no window."""
         from matplotlib.figure import Figure as Empty
 
         return self.on(Empty(figsize=self.size, layout="constrained"))
 
     def on(self, figure: Figure) -> Figure:
-        """All panels on an empty `figure`."""
+        """Draw all panels on an empty `figure`, and return it."""
         axes = figure.subplot_mosaic([list(row) for row in self.mosaic], **self.layout)
         handles = [handle for k, panel in enumerate(self.panels) for handle in panel.draw(axes[k])]
         if "sharex" in self.layout or "sharey" in self.layout:
@@ -129,7 +129,7 @@ class Drawing:
         return figure
 
     def draw_into(self, ax: Any) -> Figure:
-        """Draw the panels into given axes, the first one if `ax` is one. Returns the figure of the axes."""
+        """Draw into given axes, all panels or for one axes the first; return the figure. Raises InputError."""
         from matplotlib.axes import Axes
 
         axes = [ax] if isinstance(ax, Axes) else list(np.ravel(np.array(ax, dtype=object)))
@@ -148,13 +148,13 @@ class Drawing:
 
 
 def panel_figure(panel: Panel) -> Figure:
-    """A panel on its own."""
+    """A new figure with this panel alone."""
     return Drawing(panels=(panel,), size=(SINGLE_PANEL[0], panel.height), columns=1).figure()
 
 
 @singledispatch
 def drawing(what: Any, points: Any = None, shape: Any = None) -> Drawing:
-    """How `what` is drawn, `points` or `shape` saying where its unknowns are.
+    """The description of the figure of `what`; `points` or `shape` place its unknowns.
 
     Raises
     ------
@@ -197,7 +197,7 @@ def figure(what: Any, points: Any = None, shape: Any = None) -> Figure:
 
 
 def _drawing(what: Any, points: Any, shape: Any) -> Drawing:
-    """`drawing`, which refuses places for what has no unknowns. Raises InputError."""
+    """The `drawing` of `what`. Raises InputError also for `points` or `shape` if `what` has no unknowns."""
     where = {name: value for name, value in (("points", points), ("shape", shape)) if value is not None}
     if where and len(signature(drawing.dispatch(type(what))).parameters) == 1:
         raise InputError(f"{next(iter(where))} is given; {described(what)} has no unknowns to be placed: leave it out")
@@ -208,12 +208,12 @@ def _drawing(what: Any, points: Any, shape: Any) -> Drawing:
 def plot(what: Any, path: Any = None, *, ax: Any = None, points: Any = None, shape: Any = None) -> Figure:
     """Show a picture, write it to a file, or draw it into axes.
 
-    Without `path` and `ax` a notebook shows it as the value of a cell; elsewhere matplotlib opens a window.
+    Without `path` and `ax` a notebook shows it as the value of a cell; elsewhere matplotlib opens a window, or warns.
 
     Parameters
     ----------
     what : Solution, list of them, Solutions, Fields, Derivative, Sensitivity, History, Scene, Race or StabilityMap
-        What is drawn. Of a list of solutions all z are drawn, one curve or field each.
+        What is drawn. A list of solutions gives one curve or field for each z.
     path : str or path, optional
         File to write instead; its suffix is .png, .pdf or .svg.
     ax : matplotlib axes or sequence of them, optional
@@ -231,7 +231,7 @@ def plot(what: Any, path: Any = None, *, ax: Any = None, points: Any = None, sha
     Raises
     ------
     InputError
-        For other axes, other places, or what has no picture.
+        For unsuitable axes, points or shape, or an object without a picture.
     FileError
         For another suffix, and where the file cannot be written.
 
@@ -262,7 +262,7 @@ def plot(what: Any, path: Any = None, *, ax: Any = None, points: Any = None, sha
     if not inline and not _has_windows(backend):
         return description.figure()
     picture = description.on(pyplot.figure(figsize=description.size, layout="constrained"))
-    if inline:  # by now the notebook knows how to show a figure; an open one it would show twice
+    if inline:  # pyplot has set up how the notebook shows figures; an open figure would be shown twice
         pyplot.close(picture)
     else:
         pyplot.show()
@@ -270,7 +270,7 @@ def plot(what: Any, path: Any = None, *, ax: Any = None, points: Any = None, sha
 
 
 def _has_windows(backend: str) -> bool:
-    """Whether matplotlib's `backend` can show something; warns where it cannot, as matplotlib itself need not."""
+    """Whether matplotlib's `backend` has windows; warn if it has none, as matplotlib itself may not."""
     from matplotlib.backends import BackendFilter, backend_registry
 
     if backend.lower() not in map(str.lower, backend_registry.list_builtin(BackendFilter.NON_INTERACTIVE)):
@@ -281,12 +281,12 @@ def _has_windows(backend: str) -> bool:
 
 
 def picture_file(path: Any) -> Path:
-    """`path`, where a picture can be written. Raises InputError and FileError."""
+    """Check that a picture can be written to `path`, and return it. Raises InputError and FileError."""
     return place_of(path, FORMATS, holds=_PICTURE_MARK)
 
 
 def write(figure: Figure, path: Path, command: str = "") -> Figure:
-    """The `figure`, written to `path` with the `command` that makes it again in it. Raises FileError."""
+    """Write `figure` to `path`, with `command` in its metadata, and return it. Raises FileError."""
     form = path.suffix[1:].lower()
     picture = io.BytesIO()
     metadata = {"Software" if form == "png" else "Creator": _PICTURE_MARK.decode()} | (
@@ -298,14 +298,14 @@ def write(figure: Figure, path: Path, command: str = "") -> Figure:
 
 
 def data_file(picture: Path) -> Path:
-    """The .csv beside the `picture`. Raises FileError where another one is there than `save` writes."""
+    """The path of the .csv file beside `picture`. Raises FileError where a file is there that `save` did not write."""
     data = picture.with_suffix(".csv")
     check_ours(data, begins=_TABLE_MARK)
     return data
 
 
 def save(figure: Figure, path: Any, table: Table, command: str) -> list[Path]:
-    """Write `figure`, and beside it `table` as .csv, whose first line has the `command`. Returns both paths."""
+    """Write `figure`, and `table` beside it as .csv with `command` in the first line. Returns both paths."""
     path = picture_file(path)
     data = data_file(path)
     write(figure, path, command)

@@ -13,7 +13,7 @@ from ..stability_map import StabilityMap
 from .figures import SKY, Drawing, Panel, drawing
 from .places import edges, outline
 
-#: end of a run → its sign and its words; solved points have colours
+#: end of a run → its marker and its label; solved points are coloured
 END_SIGNS = {
     "slow": (".", "not there after {max_iter} steps"),
     "memory limit": ("$m$", "no memory for it"),
@@ -49,9 +49,10 @@ def _(result: StabilityMap) -> Drawing:
 
 
 def _map(result: StabilityMap, axes: Any) -> list[Any]:
-    """Steps as colours, failures as signs on a plate, and lines around the points where convergence is proved.
+    """Draw steps as colours, other ends as markers, and lines around the points where convergence is proved.
 
-    A red line encloses what the paper, as printed, says to converge, where that is more than is proved.
+    A red line encloses the points where the paper as printed claims convergence, if that is not proved at all of them.
+    Returns the handles of the legend.
     """
     x = result.plane.x
     y = result.plane.y
@@ -82,7 +83,7 @@ def _map(result: StabilityMap, axes: Any) -> list[Any]:
 
 
 def _steps(result: StabilityMap, axes: Any) -> None:
-    """The steps of the solved points as colours, whose scale spans a factor of ten at least."""
+    """Draw the steps of the solved points as colours, whose scale spans at least a factor of ten."""
     from matplotlib.colors import LogNorm
 
     solved = result.ends == "solved"
@@ -94,7 +95,7 @@ def _steps(result: StabilityMap, axes: Any) -> None:
 
 
 def _marked_places(result: StabilityMap) -> list[tuple[str, tuple[float, float], str, int]]:
-    """(words, point, marker, size), of a plane of a method: its default, and where it needs the fewest steps."""
+    """(label, point, marker, size) of a method's default and of its fewest steps; empty if the problem varies."""
     if result.plane.default is None:
         return []
     places = [("default", result.plane.default, "o", 8)]
@@ -107,5 +108,5 @@ def _marked_places(result: StabilityMap) -> list[tuple[str, tuple[float, float],
 
 
 def _edges(axis: Axis) -> Vector:
-    """The borders of the cells around the values."""
+    """The borders of the cells around the values of `axis`."""
     return np.exp(edges(np.log(axis.values))) if axis.log else edges(axis.values)

@@ -16,11 +16,11 @@ from ...numerics.arrays import Mask, Vector, as_float64, as_list, as_number, des
 from ...problem.data import ProblemData
 from ...scenes.registry import placement_of
 
-#: a curve of more points than this is thinned out, a field of more cells too: a figure has fewer pixels
+#: a curve with more points, or a field with more cells, is thinned out: a figure has fewer pixels
 PIXELS = 200_000
 #: the largest number of points or rows drawn one by one
 MAX_MARKED_POINTS = 60
-#: the names of the axes of a grid that is given by its shape
+#: the names of the axes of a grid that is known by its shape
 _GRID_AXES = ("column", "row", "layer")
 
 Rows = NDArray[np.intp]
@@ -28,7 +28,7 @@ Rows = NDArray[np.intp]
 
 @dataclass(frozen=True, eq=False)
 class Slice:
-    """A part of the unknowns in a plane.
+    """The unknowns in one plane.
 
     Parameters
     ----------
@@ -39,7 +39,7 @@ class Slice:
     labels : tuple of str
         The names of the two axes.
     at : str
-        Which slice of three dimensions it is, empty in two.
+        The position of the plane in three dimensions, such as "z = 0.5"; empty in two.
     """
 
     rows: Rows
@@ -50,7 +50,7 @@ class Slice:
 
     @cached_property
     def axes(self) -> tuple[Vector, Vector]:
-        """The different x and y, ascending."""
+        """The distinct values of x and of y, ascending."""
         return np.unique(self.x), np.unique(self.y)
 
     @property
@@ -60,11 +60,11 @@ class Slice:
 
     @property
     def cells(self) -> tuple[int, int]:
-        """The shape of a field of the grid."""
+        """The shape (ny, nx) of a field on the grid."""
         return self.axes[1].size, self.axes[0].size
 
     def marked(self, mask: Mask) -> tuple[Vector, Vector]:
-        """The outline of the cells of the rows in `mask`, or the points themselves where there is no grid."""
+        """The outline of the cells whose unknowns are in `mask`, or these points themselves where there is no grid."""
         inside = mask[self.rows]
         if not self.is_grid:
             return self.x[inside], self.y[inside]
@@ -74,12 +74,12 @@ class Slice:
 
 @dataclass(frozen=True, eq=False)
 class Places:
-    """Where the unknowns are that are drawn.
+    """The places at which unknowns are drawn: on a line, or in planes.
 
     Parameters
     ----------
     rows : array of int
-        The drawn unknowns of a line, in the order of `x`.
+        The unknowns drawn on a line, in the order of `x`; empty for planes.
     x : array
         Their coordinates, or row numbers.
     label : str
@@ -87,7 +87,7 @@ class Places:
     unknown : str
         The name of z.
     planes : sequence of Slice
-        In place of a line: the plane, or slices through the middle of three dimensions.
+        Instead of a line: the plane, or the three slices through the middle in three dimensions.
     by_row : bool
         Whether x are row numbers.
     """
@@ -116,7 +116,7 @@ def places_of(problem: ProblemData, points: Any = None, shape: Any = None) -> Pl
     Returns
     -------
     Places
-        By row number where nothing is known.
+        The places, on a line by row number where no coordinates are known.
 
     Raises
     ------
@@ -157,7 +157,7 @@ def _grid_points(n: int, shape: Any) -> Vector:
 
 
 def _planes(points: Vector, labels: Sequence[str]) -> list[Slice]:
-    """The plane that the points are in, or for each axis of three dimensions the slice through its middle."""
+    """The plane of points in two dimensions; in three, the slice through the middle of each axis."""
     if points.shape[1] == 2:
         return [_plane(points, np.arange(len(points)), labels)]
     planes = []
@@ -171,7 +171,7 @@ def _planes(points: Vector, labels: Sequence[str]) -> list[Slice]:
 
 
 def _plane(points: Vector, rows: Rows, labels: Sequence[str], at: str = "") -> Slice:
-    """The points of these rows by y, then by x: every k-th along both axes, with the smallest k that is enough."""
+    """The slice of `rows` by y, then x: every k-th place along both axes, so that about `PIXELS` are left."""
     step = int(np.ceil(np.sqrt(rows.size / PIXELS)))
     places = np.array([np.unique(one, return_inverse=True)[1] for one in points[rows].T])
     rows = rows[(places % step == 0).all(axis=0)]
@@ -181,7 +181,7 @@ def _plane(points: Vector, rows: Rows, labels: Sequence[str], at: str = "") -> S
 
 
 def _grid_shape(problem: ProblemData) -> tuple[int, ...] | None:
-    """The shape of the grid in which A couples each unknown with its neighbours, and with no other; None without one.
+    """The shape of the grid on which A couples each unknown with its neighbours only; None if there is none.
 
     Neighbours are 1 apart in a row, m in a column, and the size of a layer from one layer to the next.
     """

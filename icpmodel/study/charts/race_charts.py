@@ -17,9 +17,9 @@ from .figures import COLOURS, GREY, ZERO_SHARE, Drawing, Panel, drawing, styles
 
 #: the largest number of competitors beside solve() in one panel, each in its own colour
 _MAX_SERIES = len(COLOURS)
-#: the height of a line of times in a panel on its own, in inches; the axes around them take that of four
+#: the height of a line of times in a single panel, in inches; the axes take the height of four lines more
 _LINE_HEIGHT = 0.24
-#: room for the numbers beside the times, as a factor
+#: the factor by which the axis extends beyond the largest time, for the numbers beside the times
 _LABEL_ROOM = 30.0
 #: colour and marker of a competitor
 Style = tuple[str, str]
@@ -67,7 +67,7 @@ _HOW_TIMES = (
 
 
 def _parts(kinds: Mapping[str, str]) -> list[tuple[str, list[str]]]:
-    """Title and competitors of each panel, solve() in each; one panel without a title where all fit into it."""
+    """(title, competitors) of each panel, solve() in each; a single panel without title if all fit into it."""
     if len(kinds) <= _MAX_SERIES + 1:
         return [("", [*kinds])]
     parts = []
@@ -78,7 +78,7 @@ def _parts(kinds: Mapping[str, str]) -> list[tuple[str, list[str]]]:
 
 
 def _limits(race: Race) -> dict[str, Any]:
-    """The limits of all panels, and what is drawn where the error is 0, or nothing beside the largest."""
+    """The limits of the axes, and the `floor`: smaller errors, 0 included, are drawn there."""
     errors = [run.error for run in race.entries if run.error]
     times = [second for run in race.entries if run.error is not None for second in run.seconds]
     times += [race.limit] if race.limit else []
@@ -93,7 +93,7 @@ def _limits(race: Race) -> dict[str, Any]:
 def _times(
     race: Race, style_by_name: Mapping[str, Style], limits: dict[str, Any], heading: str, axes: Any
 ) -> list[Any]:
-    """Runs as markers, and their names beside the axes, in the order of the times of the most accurate ones."""
+    """Draw the runs as markers, with a legend in the order of the times of the most accurate runs."""
     exact = ", 0 at the right end" if any(run.error == 0.0 for run in race.entries) else ""
     axes.set(xscale="log", yscale="log", ylabel="time, s", xlabel=f"{race.measure}{exact}   (more accurate →)")
     axes.set(xlim=limits["xlim"], ylim=limits["ylim"])
@@ -119,7 +119,7 @@ def _times(
 
 
 def _runs(axes: Any, runs: Sequence[Entry], errors: Vector, colour: str, marker: str) -> Any:
-    """The runs of one competitor, hollow where their claims are loose, with the spread of their times; its markers."""
+    """Draw the runs of one competitor with the spread of their times, hollow for loose claims; return a handle."""
     medians = np.array([run.median for run in runs])
     loose = np.array([run.loose for run in runs])
     style = {"color": colour, "zorder": 3 if runs[0].kind == "solve" else 2}
@@ -132,7 +132,7 @@ def _runs(axes: Any, runs: Sequence[Entry], errors: Vector, colour: str, marker:
 
 
 def _quickest(first: Mapping[str, Entry], style_of: Mapping[str, Style], axes: Any) -> list[Any]:
-    """One marker for each time: a bar has no length on a logarithmic axis."""
+    """Draw the shortest times as markers: a bar has no length on a logarithmic axis."""
     times = [run.median for run in first.values()]
     axes.hlines(range(len(first)), min(times, default=1.0) / 3, times, color=GREY, linewidth=0.6, linestyle=":")
     for k, run in enumerate(first.values()):

@@ -1,4 +1,4 @@
-"""The figures of solutions, of vectors over their unknowns, and of the path of a run."""
+"""The figures of solutions, of vectors over their unknowns, and of the history of a run."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def _(solutions: Solutions, **where: Any) -> Drawing:
 
 @drawing.register
 def _(derivative: Derivative, **where: Any) -> Drawing:
-    """The change of z as the load grows, which is −q: dz for dq = −1 in every row."""
+    """The derivative of z as the load −q grows: dz for dq = −1 in every row."""
     problem = derivative.problem
     moved = derivative.forward(dq=-np.ones(problem.n))
     return drawing(Fields(problem, {"dz/dt for q − t": moved}), **where)
@@ -74,10 +74,9 @@ def _(scene: Scene, **where: Any) -> Drawing:
 
 @drawing.register
 def _(solution: Solution, points: Any = None, shape: Any = None) -> Drawing:
-    """z, its obstacles and p over the unknowns: curves on a line, fields in the plane, slices in space.
+    """z and p over the unknowns: curves on a line, with the obstacles; fields in the plane; slices in space.
 
-    The contact set, the rows where z is at its obstacle rather than in balance, has rings on a line and an outline in
-    the plane.
+    The contact set, the rows where z is at its obstacle, is marked by rings on a line and by an outline in the plane.
     """
     problem = solution.problem
     places = places_of(problem, points, shape)
@@ -100,7 +99,7 @@ def _(solution: Solution, points: Any = None, shape: Any = None) -> Drawing:
 
 
 def _contacts(problem: ProblemData, z: Vector) -> dict[str, Mask]:
-    """Name of the obstacle's contact → its rows."""
+    """Name of each contact set, one for each obstacle → the mask of its rows."""
     _, active, above = Pattern.at(problem, z)
     if above is None:
         return {"contact set": active}
@@ -108,7 +107,7 @@ def _contacts(problem: ProblemData, z: Vector) -> dict[str, Mask]:
 
 
 def _without_rounding(solution: Solution) -> Vector:
-    """p, with 0 where it is no more than the rounding of its terms."""
+    """p, with 0 where |p_i| is at most its rounding error."""
     in_p, _ = solution.problem.rounding(solution.z)
     return np.where(np.abs(solution.p) <= in_p, 0.0, solution.p)
 
@@ -143,7 +142,7 @@ def _forces(places: Places, p: Vector, axes: Any) -> list[Any]:
 
 
 def _outline(masks: Mapping[str, Mask]) -> str:
-    """What has which outline."""
+    """The part of a title that explains the outlines, if there are any."""
     if "contact set" in masks:
         return ", contact set outlined"
     colours = {"contact below": "below (white)", "contact above": "above (orange)"}
@@ -153,7 +152,7 @@ def _outline(masks: Mapping[str, Mask]) -> str:
 
 @drawing.register
 def _(history: History) -> Drawing:
-    """Res_D(z) of every tested iterate, the tolerance, and the iterates at which another method took over."""
+    """Res_D(z) of every tested iterate, the tolerance, and the iterates from which another method ran."""
     last = int(history.iteration[-1])
     ended = f"{history.residual[-1]:.2g} after {counted(last, 'step')}"
     caption = "How far z is from a solution, step by step; the dashed line is the tolerance. On the logarithmic axis a "
@@ -186,7 +185,7 @@ def _residuals(history: History, ended: str, axes: Any) -> list[Any]:
 
 
 def _changes(history: History) -> Iterable[tuple[int, str]]:
-    """The iterates from which another method ran, with its name; the first one where there are several."""
+    """(iteration, name) of each change of method, the first method included; empty if there was only one."""
     names = history.method
     changed = [k for k in range(len(names)) if k == 0 or names[k] != names[k - 1]]
     return [(int(history.iteration[k]), names[k]) for k in changed] if len(changed) > 1 else []
