@@ -1,7 +1,7 @@
-"""The gallery: ready problems that carry their own answers, one file per field.
+"""The gallery: built-in problems, most of them with known answers, one file per field.
 
 `scene("membrane", n=10000)` builds one by name, `icpmodel.scenes.membrane(n=10000)` is the same, `names()` lists them.
-A scene is a function with `@register` in any file of this package, any imported module or any plug-in.
+A scene is a function decorated with `@register`, in a file of this package, an imported module or a plug-in.
 """
 
 from __future__ import annotations
@@ -35,15 +35,15 @@ for _module in pkgutil.iter_modules(__path__):
 
 @check_arguments
 def scene(name: str, /, n: int | None = None, **parameters: Any) -> Scene:
-    """The scene called `name`, at its default size or with about `n` unknowns.
+    """Build the scene called `name`, at its default size or with about `n` unknowns.
 
     Parameters
     ----------
     name : str
         Name of the scene. Parameters may follow it, as in "membrane,mu=4".
     n : int, optional
-        Wanted number of unknowns; the scene takes the nearest that it can have. On a square grid
-        this is m² with m = round(√n).
+        Wanted number of unknowns; the scene takes the nearest possible number. On a square grid this
+        is the m² nearest to n.
     **parameters
         Parameters of the scene, which `parameters(name)` lists.
 
@@ -115,7 +115,7 @@ def by_rows(name: str, /, n: int | None = None, **parameters: Any) -> ByRows:
 
 
 def _split_name(name: str, n: int | None, parameters: dict[str, Any]) -> tuple[str, int | None, dict[str, Any]]:
-    """The scene name, n and the other parameters, from a name that parameters may follow."""
+    """Split "NAME,PARAMETER=NUMBER,…" into the name, n and all other parameters. Raises InputError."""
     name, *pairs = str(name).split(",")
     try:
         parameters |= {key: json.loads(value) for key, _, value in (pair.partition("=") for pair in pairs)}
@@ -149,7 +149,7 @@ def titles() -> dict[str, str]:
     Returns
     -------
     dict
-        Name → line.
+        Name → title.
 
     Examples
     --------

@@ -14,9 +14,9 @@ from ..problem.by_rows import ByRows
 from .grid import index, points, rows_on_grid, side, square_points
 from .registry import Quantity, Scene, assembles, distance_to, register, size
 
-#: half the side s of the ball obstacle's square
+#: s, half the side of the square of the scene `ball`
 HALF = 2.0
-#: obstacle in space: contact radius a, and u = a/r − a outside of it
+#: the contact radius a of the scene `obstacle_3d`; outside of it u = a/r − a
 RADIUS_3D = 0.5
 
 #: the names of the coordinates in pictures
@@ -105,17 +105,16 @@ def ball(n: int = 900) -> Scene:
 
     Notes
     -----
-    Smooth fit asks for a²(1 + ln(2/a)) = 1, which Lambert's W solves: a² = −2/W₋₁(−1/2e²).
+    Smooth fit requires a²(1 + ln(2/a)) = 1, which Lambert's W solves: a² = −2/W₋₁(−1/2e²).
 
     Discretised by the 5-point stencil on m × m interior points, h = 4/(m + 1), rows multiplied by
     h². Units: lengths in radii of the ball; p is h² times force per area over tension, so Σp is
     force over tension.
 
     For r ≥ 1 the obstacle is −1, which is never touched. By the maximum principle u is nowhere
-    below its boundary values, and they are above −.24. Unlike −∞, −1 is a number that every solver
-    takes.
+    below its boundary values, and they are above −.24. Unlike −∞, −1 is accepted by every solver.
 
-    The force averages over the contact circle, where the number of contact points would jump. Both
+    The force averages over the contact circle; the number of contact points would jump with h. Both
     quantities are O(h²), u up to a factor ln h. The factor depends on where the circle cuts the
     cells: measured at most .4h² and .06h².
 
@@ -185,9 +184,9 @@ def coulomb(alpha: float = 30.0, mu: float = 0.3, mass: float = 1.0, g: float = 
     """A block on a slope with dry friction.
 
     One time step from rest of a block on a plane of slope α, which can slip downhill only. The
-    unknowns are the impulses z = (λ_n, λ_t) of contact and friction. The velocity off the plane and
-    downhill is p = z/m + gΔt(−cos α, sin α). Contact requires λ_n ≥ 0. Coulomb's law bounds
-    friction by the normal impulse: λ_t ≥ −μλ_n, so ψ(z) = (0, −μλ_n).
+    unknowns are the impulses z = (λ_n, λ_t) of contact and friction. The velocities off the plane and
+    downhill are p = z/m + gΔt(−cos α, sin α). Contact requires λ_n ≥ 0. Coulomb's law bounds friction
+    by the normal impulse: λ_t ≥ −μλ_n, so ψ(z) = (0, −μλ_n).
 
     Parameters
     ----------

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ..numerics.arrays import Vector
 from ..problem.by_rows import LocalRows
 
-#: the index of each of some unknowns along each axis of their grid
+#: for each axis of a grid, the indices of some unknowns along it
 Index = tuple[NDArray[np.int64], ...]
 
 
@@ -22,15 +22,15 @@ def side(n: int, axes: int = 2) -> int:
 
 
 def index(shape: tuple[int, ...], lo: int, hi: int) -> Index:
-    """Where the unknowns lo ≤ k < hi stand in a grid of this shape, the last axis quickest."""
+    """The grid indices of the unknowns lo ≤ k < hi, which are numbered with the last axis fastest."""
     return tuple(np.unravel_index(np.arange(lo, hi), shape))
 
 
 def rows_of(n: int, lo: int, hi: int, entries: dict[int, Any]) -> sp.csr_array:
     """Rows lo ≤ i < hi of the n × n matrix that has entries[d] in column i + d.
 
-    Each of the `entries` is a number or an array of shape (hi − lo,). Where there is no column i +
-    d it is dropped. Zeros are not stored.
+    Each of the `entries` is a number or an array of shape (hi − lo,). It is dropped where there is
+    no column i + d. Zeros are not stored.
     """
     offsets = sorted(entries)
     kind = sp.get_index_dtype(maxval=max(n, (hi - lo) * len(offsets)))
@@ -45,10 +45,10 @@ def rows_of(n: int, lo: int, hi: int, entries: dict[int, Any]) -> sp.csr_array:
 
 
 def difference_rows(shape: tuple[int, ...], at: Index, lo: int, middle: float, skew: float = 0.0) -> sp.csr_array:
-    """The rows from `lo` on, `at` these places of a grid, of its second differences.
+    """The rows of the second differences on a grid for the unknowns with the indices `at`, the first of them `lo`.
 
     They have `middle` on the diagonal and, along each axis, −(1+s) for the neighbour before and −(1−s) for the one
-    behind, s = `skew`.
+    after, s = `skew`.
     """
     stride = 1
     entries: dict[int, Any] = {0: middle}
@@ -64,15 +64,15 @@ def five_point(m: int, mu: float = 0.0, skew: float = 0.0) -> sp.csr_array:
     """h² times the 5-point operator on m × m interior points with zero boundary values, plus `mu` on the diagonal.
 
     It is Tridiag(−(1+s)I, S, −(1−s)I) + μI with S = tridiag(−(1+s), 4, −(1−s)) and s = `skew`, CSR. Unknown i·m + j
-    stands at (x, y) = ((j + 1)h, (i + 1)h). s = 0 is h²(−Δ); s ≠ 0 adds a flow of velocity (b, b), s = bh/2.
+    is at (x, y) = ((j + 1)h, (i + 1)h). s = 0 is h²(−Δ); s ≠ 0 adds a flow of velocity (b, b), s = bh/2.
     """
     return difference_rows((m, m), index((m, m), 0, m * m), 0, 4.0 + mu, skew)
 
 
 def points(low: float, high: float, shape: tuple[int, ...], at: Index) -> Vector:
-    """Coordinates of the places `at` on the grid of interior points of [low, high]ᵈ, shape (k, d).
+    """Coordinates of the grid indices `at` on the interior points of [low, high]ᵈ, shape (k, d).
 
-    x runs along the last axis. Index −1 and the length of an axis are on the edge.
+    x runs along the last axis. The indices −1 and m of an axis of length m are on the edge.
     """
     along = zip(reversed(at), reversed(shape), strict=True)
     return np.column_stack([(i + 1.0) * ((high - low) / (m + 1)) + low for i, m in along])
@@ -81,10 +81,10 @@ def points(low: float, high: float, shape: tuple[int, ...], at: Index) -> Vector
 def rows_on_grid(
     shape: tuple[int, ...], low: float, high: float, psi: Any, edge: Any, stencil: tuple[float, ...], lo: int, hi: int
 ) -> LocalRows:
-    """Rows of h² times −Δu ≥ 0 above `psi` in [low, high]ᵈ.
+    """Rows lo ≤ k < hi of the obstacle problem −Δu ≥ 0, u ≥ `psi` in [low, high]ᵈ, times h².
 
-    On the edge u = `edge`, or 0. Both functions take points of shape (k, d). `stencil` holds the
-    diagonal and the skew of `difference_rows`.
+    On the edge u = `edge`, or 0 if `edge` is None. Both functions take points of shape (k, d).
+    `stencil` holds the diagonal and the skew of `difference_rows`.
     """
     at = index(shape, lo, hi)
     q = np.zeros(hi - lo)
@@ -113,7 +113,7 @@ def tridiagonal(n: int, left: Any = -1.0, middle: Any = 2.0, right: Any = -1.0) 
 def value_equation(n: int, h: float, rate: float, drift: float, volatility: float) -> tuple[Vector, Vector, Vector]:
     """The entries left of, on and right of the diagonal of ρV − ½σ²V″ − μV′ by central differences, for `tridiagonal`.
 
-    V is the value of what follows dX = μdt + σdW, discounted at the rate ρ.
+    V(X) is the value of a process dX = μdt + σdW, discounted at the rate ρ.
     """
     diffusion = 0.5 * volatility**2 / h**2
     flow = 0.5 * drift / h
@@ -126,9 +126,9 @@ def square_points(m: int, low: float = 0.0, high: float = 1.0) -> Vector:
 
 
 def smooth_fit(x: Vector, z: Vector, first: int, slope: float) -> float:
-    """Where z(x) has this `slope`, by the parabola through three cells from the `first` on.
+    """The x at which z has this `slope`, by a parabola through the slopes of three cells from `first` on.
 
-    NaN where there are none, and where their slopes are not strictly monotone.
+    NaN where there are not three, and where their slopes are not strictly monotone.
     """
     from scipy.interpolate import krogh_interpolate
 

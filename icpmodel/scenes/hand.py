@@ -1,4 +1,4 @@
-"""Problems small enough to be solved by hand; each docstring holds the solution."""
+"""Problems small enough to be solved by hand; each docstring has the solution."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ PAIR = tridiagonal(2).toarray()
 
 
 def by_hand(A: Any, q: Any, psi: Any, z: Any, models: str, z0: Any = None, upper: Any = None) -> Scene:
-    """The scene of these data whose solution is `z`."""
+    """The scene with these data and their known solution `z`."""
     start = None if z0 is None else np.array(z0, dtype=float)
     return Scene(problem=ICP(A, q, psi, upper), models=models, z_exact=np.array(z, dtype=float), z0=start)
 
@@ -39,8 +39,8 @@ def hand_lcp() -> Scene:
 def hand_negative() -> Scene:
     """By hand: one unknown whose solution is negative.
 
-    A = 2, q = 6, ψ(z) = z/2 − 2. p = 0 gives z* = −3, above its obstacle: ψ(−3) = −3½. Only p and r are signed, not z:
-    a solver that asks for z ≥ 0 finds none (z = 0 has p = 6 and r = 2).
+    A = 2, q = 6, ψ(z) = z/2 − 2. p = 0 gives z* = −3, above its obstacle: ψ(−3) = −3½. Only p and r must be ≥ 0, not z:
+    a solver that requires z ≥ 0 finds no solution (z = 0 has p = 6 and r = 2).
     """
     return by_hand(2, [6], Affine([[0.5]], -2.0), [-3.0], "A spring pressed below 0 over a floor that yields with it.")
 
@@ -61,7 +61,7 @@ def hand_degenerate() -> Scene:
     """By hand: a row with p = r = 0.
 
     A = [2, −1; −1, 2], q = (−2, 1), ψ = 0. z* = (1, 0), p* = (0, 0), r* = (1, 0): row 2 touches
-    without force. Rounding decides on which side a method sees it.
+    without force. Rounding decides whether a method takes it as active.
 
     References
     ----------

@@ -1,4 +1,4 @@
-"""Problems on which methods fail: what an honest answer to each is stands in its docstring."""
+"""Problems on which methods fail; each docstring says, after "Honest", what an honest answer is."""
 
 from __future__ import annotations
 
@@ -62,8 +62,8 @@ def hard_jump() -> Scene:
     """Hard: an obstacle that gives way.
 
     A = 1, q = −½, ψ(z) = 1 for z < ¾ and 0 from there on. Below ¾ r = z − 1 < −¼; from ¾ on r = z > 0 and
-    p = z − ½ > 0: the residual is at least ¼, and there is no solution, though p and r take either sign. (Were it to
-    give way at 1, z = 1 − ε would have the residual ε and pass for a solution.) Honest: cycled or stagnated.
+    p = z − ½ > 0: the residual is at least ¼, and there is no solution, though p and r take either sign. (If it gave
+    way at 1, z = 1 − ε would have the residual ε and pass for a solution.) Honest: cycled or stagnated.
     """
     problem = ICP([[1.0]], [-0.5], Function(_trapdoor))
     why = "r < 0 below 3/4, and from there on p and r are both positive"
@@ -91,8 +91,8 @@ def hard_skew(n: int = 100, skew: float = 10.0, seed: int = 0) -> Scene:
     """Hard: a matrix that is almost skew-symmetric.
 
     A = I + s·tridiag(−1, 0, 1), ψ = z* − r*, q = p* − Az* for random complementary p*, r*. A is
-    positive definite, hence a P-matrix, but far from H₊: sweeps diverge. Honest: one solution;
-    sweeps say that they diverge or cycle.
+    positive definite, hence a P-matrix, but far from H₊: sweeps diverge. Honest: one solution; sweeps
+    end as diverged or cycled.
 
     Parameters
     ----------
@@ -146,9 +146,8 @@ def hard_degenerate(n: int = 100, seed: int = 0) -> Scene:
     """Hard: half of the rows touch without force.
 
     A is the 5-point matrix on m × m points, z* is random, ψ = z* − r*, q = p* − Az*. Half of the
-    rows have p* = r* = 0; a quarter is in contact and a quarter is free. Rounding decides on which
-    side half of the rows are seen. Honest: solved, and those rows are not said to be active or
-    inactive.
+    rows have p* = r* = 0; a quarter is in contact and a quarter is free. Rounding decides whether the
+    former are taken as active. Honest: solved, and those rows are left undecided.
 
     Parameters
     ----------
@@ -183,8 +182,8 @@ def hard_scaled(n: int = 100, decades: float = 75.0, seed: int = 0) -> Scene:
 
     A = S tridiag(−1, 4, −1) S with S = diag(10^u), u uniform in ± `decades`. Entries of A reach
     from 1e-150 to 1e150. z* = S⁻¹z₀, p* = Sp₀ and r* = S⁻¹r₀ for random complementary z₀, p₀, r₀. A
-    small residual says nothing of the rows with small entries. Honest: solved by the residual, or a
-    precision limit; the bound, entry by entry, tells what is known.
+    small residual says nothing about the rows with small entries. Honest: solved by the residual, or
+    a precision limit; the bound of each entry shows how much is known.
 
     Parameters
     ----------
@@ -220,7 +219,7 @@ def hard_empty_row() -> Scene:
     """Hard: a row of A without entries.
 
     A = [2, −1, 0; −1, 2, 0; 0, 0, 0], q = (−1, 3, 1), ψ = (0, 0, 2): p₃ = 1 whatever z is, so z₃ = 2; the others are
-    hand-lcp. Honest: solved by what needs no diagonal; the others refuse and name the row.
+    hand-lcp. Honest: solved by methods that need no diagonal; the others refuse and name the row.
     """
     A = [[*PAIR[0], 0.0], [*PAIR[1], 0.0], [0.0, 0.0, 0.0]]
     models = "Two weights on a string, and a third on the floor beside it, tied to nothing."
@@ -254,7 +253,7 @@ def hard_pinned(n: int = 100, seed: int = 0) -> Scene:
 
 @register
 def hard_crossing() -> Scene:
-    """Hard: obstacles that cross when they are wanted.
+    """Hard: obstacles that cross where a solution would be.
 
     A = I, q = (0, −1), ψ(z) = (z₂ − ½, 0), ψ̄ = (.4, 2): row 2 rises to z₂ = 1 off its obstacles, and lifts the floor of
     row 1 to ½, above its ceiling. For z₂ ≤ .9 they do not cross, but p₂ ≤ −.1, so that there is no solution, and no

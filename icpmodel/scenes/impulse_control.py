@@ -44,9 +44,9 @@ def dividend(n: int = 241) -> Scene:
     Returns
     -------
     Scene
-        With three quantities. "V(1)" is the value at x = 1. "x*" is where V′ of the reserve at rest
-        reaches 1/(1 + λ) (smooth fit), extrapolated through its last three cells. "target" is where
-        V′ first falls to 1/(1 + λ).
+        With three quantities. "V(1)" is the value at x = 1. "x*" is where V′ reaches 1/(1 + λ)
+        (smooth fit), extrapolated from the last three cells without payment. "target" is where V′
+        first falls to 1/(1 + λ).
 
     Raises
     ------
@@ -55,8 +55,8 @@ def dividend(n: int = 241) -> Scene:
 
     Notes
     -----
-    At rest V = C(e^(ax) − e^(bx)), a and b the roots of ½σ²s² + μs = ρ. The reserve is paid down
-    from x* to y*, where V′(x*) = V′(y*) = 1/(1 + λ) and V(x*) − V(y*) = (x* − y* − c)/(1 + λ).
+    Without payments V = C(e^(ax) − e^(bx)), a and b the roots of ½σ²s² + μs = ρ. The reserve is paid
+    down from x* to y*, where V′(x*) = V′(y*) = 1/(1 + λ) and V(x*) − V(y*) = (x* − y* − c)/(1 + λ).
 
     Discretised on x_i = ih, 0 ≤ i < n, up to 1.5, by central differences. The step is h = c/k, so
     that the jump of length c and the point x = 1 lie on the grid: n = 30k + 1. Row 0 is z_0 = 0.
@@ -92,11 +92,11 @@ def dividend(n: int = 241) -> Scene:
 
 
 def dividend_solution() -> tuple[float, float, float]:
-    """y*, x* and V(1)."""
+    """The target y*, the boundary x* and V(1)."""
     rates = np.roots([0.5 * VOLATILITY**2, DRIFT, -DISCOUNT])
 
     def value_and_slope(x: Any) -> Any:
-        """V/C and V′/C: a > 0 > b."""
+        """V/C and V′/C without payments; a > 0 > b."""
         return np.exp(np.multiply.outer(x, rates)) @ np.transpose([np.sign(rates), np.abs(rates)])
 
     def misfit(ends: Vector) -> Vector:
@@ -108,7 +108,7 @@ def dividend_solution() -> tuple[float, float, float]:
 
 
 def _boundary(problem: ICP, x: Vector, z: Vector) -> float:
-    """Up to where it pays z solves the equation of the reserve at rest."""
+    """x*, by smooth fit in the last three cells without payment."""
     return smooth_fit(x, z, int(np.argmax(problem.r(z) < problem.p(z))) - 3, WORTH)
 
 
@@ -129,7 +129,7 @@ def _operator(n: int, h: float) -> tuple[Any, Vector]:
 
 
 def _best_payment(z: Vector, x: Vector, k: int) -> tuple[Vector, np.ndarray]:
-    """(ψ(z), target) in one pass: the best j ≤ i − k maximises z_j − x_j/(1 + λ), whatever i is."""
+    """(ψ(z), target) in one pass: the best j ≤ i − k maximises z_j − x_j/(1 + λ), which does not depend on i."""
     merit = z - WORTH * x
     best = np.maximum.accumulate(merit)
     record = np.concatenate([[True], merit[1:] > best[:-1]])

@@ -64,9 +64,9 @@ def bearing(n: int = 300) -> Scene:
     In Sommerfeld's variable γ, H = (1 − ε²)/(1 − ε cos γ), the film tears where (2 + ε cos γ) sin γ
     = (2 cos γ + ε)γ, π < γ < 3π/2. There p_max = −πε(2 cos γ + ε)/((1 − ε cos γ)(1 − ε²)^1.5).
 
-    Within the film the flow H − H³p′ is the same everywhere. Where the film tears p′ = 0, so the
-    flow in the first cell gives H(θ_c). Both quantities are O(h²). The factor depends on where θ_c
-    falls between two grid points: measured at most .08h² and .015h².
+    Within the film the flow H − H³p′ is constant. Where the film tears p′ = 0, so the flow in the
+    first cell gives H(θ_c). Both quantities are O(h²). The factor depends on where θ_c falls between
+    two grid points: measured at most .08h² and .015h².
 
     References
     ----------
@@ -112,6 +112,6 @@ def _top(z: Vector) -> float:
 
 
 def _angle(thickness: float, drag: float, z: Vector) -> float:
-    """θ > π with H(θ) = `thickness` − `drag`·z_0, the flow: the film tears where the gap widens."""
+    """The θ > π with H(θ) = `thickness` − `drag`·z_0, the flow, or NaN: the film tears where the gap widens."""
     cosine = float(thickness - drag * z[0] - 1.0) / ECCENTRICITY
     return float(2.0 * np.pi - np.arccos(cosine)) if abs(cosine) <= 1 else float("nan")

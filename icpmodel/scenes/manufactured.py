@@ -1,4 +1,4 @@
-"""Manufactured solutions: z is chosen first, and the data follows from it. Made to measure methods."""
+"""Manufactured solutions, for measuring methods: z is chosen first, and the data follow from it."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from .registry import Scene, register
 
 
 def random_numbers(seed: Any) -> np.random.Generator:
-    """The generator of a scene. Raises InputError for a bad seed."""
+    """The random generator of a scene. Raises InputError for a bad seed."""
     return np.random.default_rng(int(as_number(seed, "seed", minimum=0, whole=True)))
 
 
@@ -65,13 +65,13 @@ def random_box(n: int, seed: Any, kinds: Iterable[tuple[float, float]]) -> tuple
 
 
 def manufactured(A: Any, z: Vector, p: Any, psi: Any, models: str, upper: Any = None, **known: Any) -> Scene:
-    """The scene whose solution is `z`, where p(z) = `p`: q = p − Az; `psi` and `upper` have to fit."""
+    """The scene with the solution `z` and p(z) = `p`, by q = p − Az; `psi` and `upper` must fit."""
     return Scene(problem=ICP(A, p - A @ z, psi, upper), models=models, z_exact=z, **known)
 
 
 @register
 def bai_symmetric(n: int = 900, mu: float = 4.0) -> Scene:
-    """Bai's symmetric LCP, the yardstick of the modulus literature.
+    """Bai's symmetric LCP, the standard test of the modulus literature.
 
     A = Tridiag(−I, S, −I) + μI, S = tridiag(−1, 4, −1), m × m blocks; ψ = 0. z* = (1, 2, 1, 2, …)
     and q = −Az*, so that p* = 0 in every row. `z0` = (1, 0, 1, 0, …) is the start of the
@@ -180,9 +180,9 @@ def manufactured_elementwise(n: int = 900, mu: float = 4.0, seed: int = 0, skew:
 def manufactured_vertical(n: int = 900, mu: float = 4.0, seed: int = 0) -> Scene:
     """A random vertical LCP, of two matrices, with a known solution.
 
-    min(Az + q, Bz + d) = 0 with A of Bai's nonsymmetric LCP and B = Aᵀ, the flow the other way
-    round. p* and r* are those of manufactured-affine. It is the grid of a Hamilton–Jacobi–Bellman
-    equation with two controls.
+    min(Az + q, Bz + d) = 0 with A of Bai's nonsymmetric LCP and B = Aᵀ, the reverse flow. p* and r*
+    are those of manufactured-affine; Bz* + d is r* times the diagonal of B. It discretises a
+    Hamilton–Jacobi–Bellman equation with two controls.
 
     Parameters
     ----------
@@ -250,7 +250,7 @@ def box_manufactured(n: int = 900, mu: float = 4.0, skew: float = 0.0, coupling:
 
 
 def _bai_matrix(n: int, mu: Any, skew: Any) -> tuple[int, Any]:
-    """m, and A of the m × m grid. Raises InputError for a μ < 0 and an s that is not in [−1, 1]."""
+    """m, and A of the m × m grid. Raises InputError for μ < 0, and for s outside [−1, 1]."""
     m = side(n)
     mu = as_number(mu, "mu", minimum=0)
     return m, five_point(m, mu, as_number(skew, "skew", minimum=-1, maximum=1))

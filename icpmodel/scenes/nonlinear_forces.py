@@ -137,12 +137,12 @@ def _heating_slope(strength: float, z: Vector) -> Vector:
 
 
 def _half_width(top: float, heat: float) -> float:
-    """x_c."""
+    """The x_c of a solution of Bratu's equation with the top c = `top`."""
     return float(np.arccosh(np.exp(top / 2.0)) / np.sqrt(heat * np.exp(top) / 2.0))
 
 
 def free_tops(heat: float) -> list[float]:
-    """The values of c with x_c = ½, none beyond the fold; x_c is largest at c = 1.1868…."""
+    """The values of c with x_c = ½, two or, beyond the fold, none; x_c is largest at c = 1.1868…."""
     widest = 1.18684216
     if _half_width(widest, heat) < 0.5:
         return []

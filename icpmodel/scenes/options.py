@@ -1,4 +1,4 @@
-"""Options: contracts that either side may end."""
+"""Options: contracts that their holder may exercise, and their writer cancel."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from ..numerics.arrays import Vector, as_number
 from .grid import smooth_fit, tridiagonal, value_equation
 from .registry import Quantity, Scene, distance_to, register, size
 
-#: interest and volatility, a year; the bounded solution of the equation decays as s^-DECAY
+#: interest rate and volatility, per year; the bounded solution of the equation decays as s^-DECAY
 INTEREST = 0.05
 VOLATILITY = 0.3
 DECAY = 2.0 * INTEREST / VOLATILITY**2
@@ -46,8 +46,8 @@ def game_put(n: int = 201, delta: float = 0.05) -> Scene:
     Notes
     -----
     Let γ = 2r/σ² and k the root in (0, 1) of k^(γ+1) + γ = (1 + δ)(1 + γ)k. Then V = 1 − s up to s
-    = k, V = as + bs^−γ up to 1, with V′ continuous at k, and δs^−γ from there on. The writer
-    cancels at s = 1, in one row. From δ* = (1 − k)k^γ with k = γ/(1 + γ) on he never does.
+    = k, V = as + bs^−γ up to 1, with V′ continuous at k, and δs^−γ beyond 1. The writer cancels at
+    s = 1, in one row; for δ ≥ (1 − k)k^γ with k = γ/(1 + γ), never.
 
     Discretised on n points, −1 ≤ y ≤ 1, by central differences; n is odd, so that s = 1 is one of
     them. Row 0 is V = 1 − s. The last row has V′ = −γV by a ghost point. Both quantities are O(h²).
@@ -75,7 +75,7 @@ def game_put(n: int = 201, delta: float = 0.05) -> Scene:
 
 
 def game_put_value(delta: float) -> tuple[Any, float]:
-    """s ↦ V(s), and k."""
+    """The value function s ↦ V(s), and k, below which the holder exercises."""
     from scipy.optimize import brentq
 
     g = DECAY
@@ -87,7 +87,7 @@ def game_put_value(delta: float) -> tuple[Any, float]:
 
 
 def _value(k: float, at_1: float, s: Vector) -> Vector:
-    """Smooth fit at k: b = k^γ/(1 + γ), a = γ/((1 + γ)k) − 1."""
+    """V(s) with V(1) = `at_1`. By smooth fit at k, b = k^γ/(1 + γ) and a = γ/((1 + γ)k) − 1."""
     a = DECAY / ((1.0 + DECAY) * k) - 1.0
     b = k**DECAY / (1.0 + DECAY)
     decay = s**-DECAY
@@ -98,7 +98,7 @@ def _operator(n: int, h: float) -> tuple[Any, Vector]:
     """A and q of rV − ½σ²V″ − (r − ½σ²)V′ with V = 1 − 1/e in row 0 and V′ = −γV at the right end."""
     left, middle, right = value_equation(n, h, INTEREST, INTEREST - 0.5 * VOLATILITY**2, VOLATILITY)
     q = np.zeros(n)
-    # with the diagonal of the other rows, and the last row halved, A + A' is positive definite
+    # row 0 has the diagonal of the other rows, and the last row is halved, to make A + A' positive definite
     right[0] = 0.0
     q[0] = middle[0] * (np.exp(-1.0) - 1.0)
     # ghost point: V(y + h) = V(y - h) - 2h·DECAY·V(y)

@@ -13,7 +13,7 @@ from .registry import Quantity, Scene, distance_to, register, size
 
 #: the interface is πε wide
 EPSILON = 0.2
-#: a step of at most 1 leaves one solution
+#: with a time step of at most 1 the solution is unique
 STEP = 0.5
 
 
@@ -21,10 +21,10 @@ STEP = 0.5
 def phase_step(n: int = 201) -> Scene:
     """A time step of the Allen-Cahn equation between two obstacles, at rest.
 
-    u_t = ε²u″ + u where −1 < u < 1, ≤ where u = 1 and ≥ where u = −1, on [−1, 1] with u′ = 0 at its
-    ends. This is the double obstacle potential, ε = .2. The stationary state is u = sin(x/ε) for
-    |x| ≤ πε/2, ±1 beyond. From there one implicit step of length τ = ½ has to lead back: p = (1/τ −
-    1)z − ε²z″ − u/τ, ψ = −1, ψ̄ = 1.
+    u_t = ε²u″ + u where −1 < u < 1, u_t ≤ ε²u″ + u where u = 1, and ≥ where u = −1, on [−1, 1] with
+    u′ = 0 at its ends. This is the double obstacle potential, ε = .2. The stationary state is u =
+    sin(x/ε) for |x| ≤ πε/2, ±1 beyond. One implicit step of length τ = ½ from it must return to it:
+    p = (1/τ − 1)z − ε²z″ − u/τ, ψ = −1, ψ̄ = 1.
 
     Parameters
     ----------

@@ -12,9 +12,9 @@ from ..problem.by_rows import ByRows, LocalRows
 from .grid import difference_rows, index, points, side, square_points
 from .registry import Quantity, Scene, assembles, register, size
 
-#: 2·shear modulus·twist per length over the yield stress, times the side
+#: 2·shear modulus·twist per length/yield stress, times the side
 TWIST = 5.0
-#: torque over yield stress times side³ (1/3 where all has yielded), extrapolated by another code on 22 grids of 200 to
+#: torque/(yield stress · side³), 1/3 for the fully plastic bar; extrapolated by another code from 22 grids of 200 to
 #: 640 cells a side, on which error/h² lies between .52 and .54
 TORQUE = 0.2920921
 
@@ -39,10 +39,10 @@ def torsion(n: int = 900) -> Scene:
     """Elastic-plastic torsion of a square bar.
 
     The unknown is the stress function u of the unit square, in units of yield stress times side.
-    |∇u| is the shear stress, at most 1, which is |u| ≤ d, the distance to the edge. −Δu = c where
-    |u| < d (elastic), −Δu ≤ c where u = d, ≥ c where u = −d (plastic), u = 0 on the edge. The twist
-    is c = 5, which takes no row to −d. With −q, the twist in the other direction, the solution is
-    −u.
+    The shear stress |∇u| is at most 1, which is equivalent to |u| ≤ d, the distance to the edge.
+    −Δu = c where |u| < d (elastic), −Δu ≤ c where u = d, ≥ c where u = −d (plastic), u = 0 on the
+    edge. For the twist c = 5 no row is at −d. With −q, the twist in the other direction, the solution
+    is −u.
 
     Parameters
     ----------

@@ -34,7 +34,7 @@ class Quantity(Displayable):
     exact : float
         The value in the continuous problem.
     measure : callable
-        z ↦ the number, for z of shape (n,); NaN where z does not have it.
+        z ↦ the number, for z of shape (n,); NaN where it is not defined for z.
     order : float or None
         Power of the grid spacing h with which the difference shrinks. None where the number is
         exact on every grid.
@@ -60,7 +60,7 @@ class Quantity(Displayable):
         Returns
         -------
         float
-            NaN where z does not have the quantity.
+            The error; NaN where the quantity is not defined for z.
 
         Examples
         --------
@@ -71,7 +71,7 @@ class Quantity(Displayable):
 
 
 def distance_to(u: Vector) -> Quantity:
-    """The largest |z_i − u_i|, which shrinks as h², for the solution `u` of the continuous problem."""
+    """The quantity max_i |z_i − u_i|, of order h², with the solution `u` of the continuous problem."""
     return Quantity(0.0, partial(_max_distance, u), order=2.0)
 
 
@@ -82,7 +82,7 @@ def _max_distance(u: Vector, z: Vector) -> float:
 @check_arguments
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class Scene(ReadOnly, Plottable):
-    """A problem of the gallery with what is known of its answer.
+    """A problem of the gallery, with the known facts about its answer.
 
     Parameters
     ----------
@@ -95,7 +95,7 @@ class Scene(ReadOnly, Plottable):
     z_exact : array of shape (n,), optional
         Solution of the discrete problem, to rounding.
     quantities : dict of str to Quantity
-        Numbers known for the continuous problem, or for each of many solutions.
+        Numbers whose values are known for the continuous problem, or for each of several solutions.
     h : float, optional
         Grid spacing.
     why_no_reference : str, optional
@@ -191,14 +191,14 @@ Arguments = ParamSpec("Arguments")
 
 @dataclass(frozen=True, eq=False)
 class Placement:
-    """Where the unknowns of a scene stand, and what its axes and its unknown are called."""
+    """The coordinates of the unknowns of a scene, and the names of its axes and of its unknown."""
 
     points: Vector
     coordinates: tuple[str, ...]
     unknown: str
 
 
-#: the placement of a scene's A, as long as that A exists: a plot of a solution need not know its scene
+#: A of a scene → the placement of its unknowns: a plot of a solution need not know its scene
 _PLACEMENTS: WeakKeyDictionary[Matrix, Placement] = WeakKeyDictionary()
 
 
@@ -207,7 +207,7 @@ def placement_of(problem: ProblemData) -> Placement | None:
     return _PLACEMENTS.get(problem.matrix)
 
 
-#: the name of the scene whose problem it is
+#: the problem of a scene → the name of the scene
 _NAMES: WeakKeyDictionary[ProblemData, str] = WeakKeyDictionary()
 
 
@@ -217,7 +217,7 @@ def title(problem: ProblemData) -> str:
     return f"{_NAMES[problem]}, {unknowns}" if problem in _NAMES else unknowns
 
 
-#: beyond this the matrix alone would need tens of gigabytes, and the side of a grid would not be exact in float64
+#: for more unknowns the matrix alone would need many gigabytes; by rows, the side of a grid must be exact in float64
 MAX_UNKNOWNS = 100_000_000
 MAX_UNKNOWNS_BY_ROWS = int(0.5 / UNIT_ROUNDOFF)
 
@@ -227,23 +227,23 @@ ASSEMBLIES: dict[str, Callable[..., ByRows]] = {}
 
 
 def builders() -> dict[str, Builder]:
-    """Name of the scene → the function that builds it, those of plug-ins among them."""
+    """Name of each scene → the function that builds it, after loading the plug-ins."""
     load_plugins()
     return _BUILDERS
 
 
 @check_arguments
 def register(build: Callable[Arguments, Scene]) -> Callable[Arguments, Scene]:
-    """Decorator: make the function a scene.
+    """Decorator: register the function as a scene.
 
-    Its name (with hyphens) is the scene's, the first line of its docstring the title.
+    The function's name (with hyphens) is the scene's, the first line of its docstring the title.
 
     Parameters
     ----------
     build : callable
         Returns a `Scene`. Its parameters, all with defaults, are the scene's. One called `n` is the
-        wanted number of unknowns; the scene takes the nearest that it can have. Without `n` it has
-        one size only.
+        wanted number of unknowns; the scene takes the nearest possible number. Without `n` the scene
+        has one size only.
 
     Returns
     -------
@@ -257,8 +257,8 @@ def register(build: Callable[Arguments, Scene]) -> Callable[Arguments, Scene]:
 
     Notes
     -----
-    The function may stand anywhere: it is known once its module is imported. The files of this room
-    are imported, and the entry points of the group "icpmodel" that packages announce.
+    The function may be in any module: it is known once that is imported. The files of
+    `icpmodel.scenes` are imported, and the entry points of the group "icpmodel" of all packages.
 
     Examples
     --------
@@ -300,7 +300,7 @@ def assembles(name: str) -> Callable[[Callable[Arguments, ByRows]], Callable[Arg
 
 
 def title_of(build: Builder) -> str:
-    """The first line of the docstring."""
+    """The first line of the docstring, without its period; without a docstring the name."""
     return (build.__doc__ or build.__name__.replace("_", " ")).strip().splitlines()[0].rstrip(".")
 
 
