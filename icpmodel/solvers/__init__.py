@@ -1,4 +1,4 @@
-"""Foreign solvers, which cross-check and race ask: one file each, and the contract."""
+"""Foreign solvers, run by cross-checks and races: one file each, and the contract."""
 
 from .foreign import Claim, ForeignSolver, ask, chosen_solvers, foreign_solvers
 from .formulations import QP, Target

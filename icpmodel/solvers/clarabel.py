@@ -12,7 +12,7 @@ from .formulations import Target
 
 
 class Clarabel(ForeignSolver):
-    """Clarabel; where it cannot reach a tolerance it may return a worse point than at a looser one."""
+    """Clarabel; if it cannot reach a tolerance, it may return a worse point than at a looser one."""
 
     name = package = "clarabel"
     used_by = ("race",)

@@ -1,6 +1,6 @@
 """An ICP as a CVXPY problem, and two QP solvers of different kinds through it.
 
-CVXPY writes the model in its own way, so that they also check the model that the native interfaces are given.
+CVXPY transforms the model in its own way, so that these solvers also check the model of the native interfaces.
 Reference: Diamond and Boyd, J. Mach. Learn. Res. 17 (2016).
 """
 
@@ -20,7 +20,7 @@ from .highs import highs_options
 
 @check_arguments
 def to_cvxpy(problem: ProblemLike, formulation: str = "qp") -> Any:
-    """State `problem` as a CVXPY problem in one variable named z, in the units of the ICP.
+    """State `problem` as a CVXPY problem with a variable named z, in the units of the ICP.
 
     Parameters
     ----------
@@ -47,11 +47,11 @@ def to_cvxpy(problem: ProblemLike, formulation: str = "qp") -> Any:
     minimise the gap pᵀr subject to p ≥ 0, r ≥ 0. An optimum of the gap solves the ICP only if its
     value is 0.
 
-    "mip": p ≤ p̄b, r ≤ r̄(1 − b) with a vector b of zeros and ones, for an A of any kind. The
-    certificate at z = 0 bounds |z*|, from which p̄ and r̄ follow.
+    "mip": 0 ≤ p ≤ p̄b, 0 ≤ r ≤ r̄(1 − b) with a vector b of zeros and ones, for an A of any kind. The
+    error bound at z = 0, or a box, bounds |z*|, from which p̄ and r̄ follow.
 
-    Rows without an obstacle have p_i = 0 in both. Where a row also has an upper obstacle, there is
-    a second variable v ≥ 0. Then p + v and r are one pair, v and ψ̄(z) − z another.
+    Rows without an obstacle have p_i = 0 in both. For rows with an upper obstacle as well, there is a
+    second variable v ≥ 0. Then p + v and r are one pair, v and ψ̄(z) − z another.
 
     Examples
     --------
@@ -84,7 +84,7 @@ def _qp(target: Target, form: str) -> Any:
     z = cp.Variable(target.problem.n, name="z")
     _, r, v, rows = _conditions(target, z)
     y = cp.hstack([z, v]) if qp.q.size > target.problem.n else z
-    # definiteness was decided before, so that CVXPY need not
+    # `Target.why_not` has checked that P is semidefinite, so that CVXPY need not
     value = 0.5 * cp.quad_form(y, cp.psd_wrap(qp.P)) + qp.q @ y
     if form == "energy":
         return _program(value, [r >= 0])
@@ -106,7 +106,7 @@ def _mip(target: Target) -> Any:
 
 
 def _conditions(target: Target, z: Any) -> tuple[Any, Any, Any, list[Any]]:
-    """u and r with 0 ≤ u ⟂ r ≥ 0 at `z`, the variable v in them, and what is linear in the conditions."""
+    """u and r with 0 ≤ u ⟂ r ≥ 0 at `z`, the variable v in them, and the linear constraints."""
     import cvxpy as cp
 
     conditions = target.conditions
@@ -127,7 +127,7 @@ def _program(value: Any, rows: list[Any]) -> Any:
 
 
 class _ThroughCvxpy(ForeignSolver):
-    """Base of both: `solver` is CVXPY's name, and `options` gives the arguments for a tolerance."""
+    """Base class of both: `solver` is the name in CVXPY, and `options(tolerance)` are its arguments."""
 
     used_by = ("crosscheck",)
     solver: ClassVar[str]
@@ -147,7 +147,7 @@ class _ThroughCvxpy(ForeignSolver):
 
 
 class CvxpyClarabel(_ThroughCvxpy):
-    """Clarabel through CVXPY; where it cannot reach a tolerance it may return a worse point than at a looser one."""
+    """Clarabel through CVXPY; if it cannot reach a tolerance, it may return a worse point than at a looser one."""
 
     name = "cvxpy-clarabel"
     package = "clarabel"
@@ -157,11 +157,11 @@ class CvxpyClarabel(_ThroughCvxpy):
 
 
 class CvxpyHighs(_ThroughCvxpy):
-    """HiGHS's active-set QP solver through CVXPY, of n ≤ 1000.
+    """HiGHS's active-set QP solver through CVXPY, for n ≤ 1000.
 
-    It takes the gap first, where it is quicker, and which no other solver gets when the energy applies. About one
-    problem in twenty, at any settings, it ends with "Solve error" as its own constraints are violated by 1e-6 to 1e-4
-    (HiGHS 1.15.1); a report then says failed.
+    It prefers the gap, on which it is faster, and which no other solver gets if the energy applies. On about one
+    problem in twenty, at any settings, it ends with "Solve error", as its own constraints are violated by 1e-6 to 1e-4
+    (HiGHS 1.15.1); the verdict is then "failed".
     """
 
     name = "cvxpy-highs"

@@ -1,4 +1,4 @@
-"""Foreign solvers: the contract.
+"""The contract of foreign solvers, and functions to choose and run them.
 
 To add one, define a subclass of `ForeignSolver` with a `name`. It may be in a file of this folder, in a script, or in a
 module that a package announces as an entry point of the group "icpmodel". It is then found by that name everywhere.
@@ -43,17 +43,17 @@ class Claim(Displayable):
     Parameters
     ----------
     z : array of shape (n,) or None
-        Its answer, in the units of `target.problem`.
+        The answer, in the units of `target.problem`.
     words : str
-        Its status in its own words.
+        The status, in the solver's own words.
     solved : bool
-        Whether it claims success.
+        Whether the solver claims success.
     seconds : float
-        Time in all, filled in by `ask`.
+        Total time, filled in by `ask`.
     setup : float or None
         Time of the set-up, filled in by `ask`; None where that failed.
     tolerance : float or None
-        What it was asked for, by its own criterion; filled in by `ask`.
+        The requested tolerance, in the solver's own sense; filled in by `ask`.
 
     Examples
     --------
@@ -72,14 +72,15 @@ class Claim(Displayable):
 class ForeignSolver(Displayable, ABC):
     """Base class: one foreign solver that solves a `Target`.
 
-    The caller sets its tolerance and its time limit. A subclass is made without arguments.
+    The caller sets the tolerance and the time limit. A subclass is instantiated without arguments, and
+    registered by its `name`.
 
     Attributes
     ----------
     name : str
         The unique name that users write.
     package : str or None
-        The module that it needs. It is imported in `set_up` at the earliest.
+        The module that it needs, which `why_not` imports to see whether it is there.
     extra : str or None
         The extra of this package that installs the module.
     forms : tuple of str
@@ -88,10 +89,10 @@ class ForeignSolver(Displayable, ABC):
     used_by : tuple of str
         The studies that run it where no solvers are named: "crosscheck", "race".
     tight : tuple of float
-        Tolerances of a cross-check, in the solver's own sense. The next one is tried where it does
-        not claim success.
+        Tolerances of a cross-check, in the solver's own sense. The next one is tried where the solver
+        does not claim success.
     largest : int or None
-        The n beyond which it is not run; with `size` another number counts instead of n.
+        The largest `size`, by default n, for which it is run.
     too_large : str
         What would happen beyond `largest`.
 
@@ -126,7 +127,7 @@ class ForeignSolver(Displayable, ABC):
             _REGISTRY[cls.name] = cls
 
     def why_not(self, target: Target) -> str | None:
-        """Why this solver cannot take a problem; an overriding method asks `super()` as well.
+        """Why this solver cannot take a problem; an overriding method calls `super()` as well.
 
         Parameters
         ----------
@@ -146,11 +147,11 @@ class ForeignSolver(Displayable, ABC):
             more = f", and {size - n} further unknowns count as well" if size > n else ""
             return f"{self.too_large} beyond n = {self.largest}; this n is {n}{more}"
         reasons = {form: target.why_not(form) for form in self.forms}
-        # the gap asks least of a problem, so that its reason says most
+        # of the two QPs the gap has the weaker conditions, so its reason is the more informative one
         return None if None in reasons.values() else reasons.get("gap", reasons[self.forms[-1]])
 
     def size(self, target: Target) -> int:
-        """The size that may be at most `largest`.
+        """The size of the problem that is compared with `largest`; by default n.
 
         Parameters
         ----------
@@ -180,7 +181,7 @@ class ForeignSolver(Displayable, ABC):
         return next(form for form in self.forms if target.why_not(form) is None)
 
     def pose(self, target: Target) -> Any:
-        """The formulation that `set_up` translates, made before any clock starts.
+        """Make the formulation that `set_up` translates; this is not timed.
 
         Parameters
         ----------
@@ -208,7 +209,7 @@ class ForeignSolver(Displayable, ABC):
         tolerance : float
             The tolerance, positive.
         time_limit : float
-            About how many seconds a run may take.
+            The seconds that a run may take, roughly.
 
         Returns
         -------
@@ -228,7 +229,7 @@ class ForeignSolver(Displayable, ABC):
         Returns
         -------
         Claim
-            The answer, and what the solver says of it.
+            The answer and the solver's status.
         """
 
 
@@ -237,7 +238,7 @@ _STREAMS = threading.Lock()
 
 
 def _renew_lock() -> None:
-    """In a forked process no thread would release the old lock."""
+    """Replace the lock after a fork: no thread of the new process would release the old one."""
     global _STREAMS
     _STREAMS = threading.Lock()
 
@@ -248,9 +249,9 @@ if hasattr(os, "register_at_fork"):
 
 @contextlib.contextmanager
 def _silence() -> Iterator[None]:
-    """Suppress all output in a block, also of compiled code: PIQP, for one, prints warnings.
+    """Suppress all output and logging in a block, also of compiled code: PIQP, for one, prints warnings.
 
-    Python's own standard error stays, for the line of progress. One thread at a time is in such a block.
+    Python's own standard error stays open, for the status line. Only one thread at a time can be in such a block.
     """
     with (
         _STREAMS,
@@ -259,10 +260,10 @@ def _silence() -> Iterator[None]:
         open(os.devnull, "wb") as devnull,
     ):
         cleanup.callback(logging.disable, logging.root.manager.disable)
-        # OSQP prints about polishing whatever one asks, Pyomo logs failures
+        # OSQP always prints about polishing, Pyomo logs failures
         logging.disable(logging.CRITICAL)
         stderr_number = None
-        with contextlib.suppress(OSError, AttributeError, ValueError):  # Python's may be no file, or none
+        with contextlib.suppress(OSError, AttributeError, ValueError):  # sys.stderr may be no file, or None
             stderr_number = sys.stderr.fileno()
         if sys.stderr is None:  # Pyomo flushes it
             cleanup.enter_context(contextlib.redirect_stderr(io.StringIO()))
@@ -280,7 +281,7 @@ def _silence() -> Iterator[None]:
 
 
 def missing(module: str, extra: str | None = None) -> str | None:
-    """Why `module` cannot be imported, with the command that mends it, or None where it can; `extra` brings it."""
+    """Import `module`; return why that fails and how to install it (the extra `extra` does), None if it works."""
     try:
         importlib.import_module(module)
     except Exception as error:  # not ImportError alone: under `python -OO` some miss their docstrings
@@ -293,7 +294,7 @@ def missing(module: str, extra: str | None = None) -> str | None:
 
 @check_arguments
 def foreign_solvers() -> dict[str, ForeignSolver]:
-    """Every foreign solver by name: those of this package, of plug-ins, and others defined by now.
+    """Every foreign solver by name: those of this package, of plug-ins, and all others defined so far.
 
     Returns
     -------
@@ -353,7 +354,7 @@ def chosen_solvers(solvers: Iterable[str | ForeignSolver] | None, used_by: str |
 
 @check_arguments
 def ask(solver: ForeignSolver, target: Target, tolerance: float, time_limit: float) -> Claim:
-    """Run `solver` on `target` silently; an exception becomes the words of its claim.
+    """Run `solver` on `target` silently; an exception other than Ctrl-C becomes the words of its claim.
 
     While it runs in this process, what other threads print or log is lost.
 
@@ -371,7 +372,7 @@ def ask(solver: ForeignSolver, target: Target, tolerance: float, time_limit: flo
     Returns
     -------
     Claim
-        With the seconds that `set_up` and `run` took.
+        The claim, with the seconds that `set_up` and `run` took.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""The forms in which foreign solvers get a problem: scaled, as a convex QP or as it stands.
+"""The forms in which foreign solvers get a problem: as a convex QP or as it stands.
 
 With p = Az + q, r = z − Gz − c (G = 0 for a constant ψ) and i "free" where c_i = −∞ (no obstacle:
 p_i = 0):
@@ -8,15 +8,15 @@ p_i = 0):
     mpec     p ≥ 0 ⟂ r ≥ 0         and p_i = 0 (i free)                              always.
     nlp      the same with p(z) = Az + q + f(z)                                      p nonlinear.
 
-An upper obstacle, s = ψ̄(z) − z = d + Hz − z ≥ 0, adds its side to energy. In a row without another
-one the condition is −p ≥ 0 ⟂ s ≥ 0. A row with two obstacles has an unknown v and the two
+An upper obstacle, s = ψ̄(z) − z = d + Hz − z ≥ 0, adds s ≥ 0 to energy. In a row without a lower
+obstacle the condition is −p ≥ 0 ⟂ s ≥ 0. A row with two obstacles has an unknown v and the two
 conditions p + v ≥ 0 ⟂ r ≥ 0 and v ≥ 0 ⟂ s ≥ 0. The gap is the sum of the products of all
-conditions, pᵀr + vᵀ(d − c) where there are two obstacles. There the two have to move alike, H = G:
-else vᵀ(H − G)z is not convex.
+conditions, pᵀr + vᵀ(d − c) where there are two obstacles. In these rows H = G is required, as
+vᵀ(H − G)z is not convex.
 
-z itself has no sign. The affine ψ stays in the constraints: A(I − G)⁻¹ would be dense. For a ψ that
-is not constant there is another problem, with its *frozen obstacle* c = ψ(z), z the answer under
-test. z solves ICP(q, A, ψ) if and only if it solves that LCP.
+z itself may have either sign. The affine ψ stays in the constraints: A(I − G)⁻¹ would be dense. If ψ
+is not constant, there is a second problem with the *frozen obstacle* c = ψ(z), z the answer under
+test. z solves ICP(q, A, ψ) if and only if it solves this LCP.
 
 References
 ----------
@@ -47,7 +47,8 @@ from ..theory.matrices.classes import MatrixClasses, classify
 class QP(Displayable):
     """A convex quadratic program: min ½yᵀPy + qᵀy subject to lower ≤ Ky ≤ upper.
 
-    y is z, followed by v where the form "gap" has one. Where lower = upper a row is an equation.
+    y is z, followed by v in the form "gap" if there are rows with two obstacles. A row with lower =
+    upper is an equation.
 
     Attributes
     ----------
@@ -56,7 +57,7 @@ class QP(Displayable):
     q : array of shape (n,)
         The linear term.
     K : csc_array of shape (m, n)
-        The rows.
+        The rows of the constraints.
     lower, upper : array of shape (m,)
         Their bounds; ±inf for none.
 
@@ -97,8 +98,8 @@ class QP(Displayable):
 class Conditions(NamedTuple):
     """The conditions of a `Target`: Tp(z) + Vv ≥ 0 ⟂ Rz + b ≥ 0, but Tp(z) = 0 in the last rows, which are free.
 
-    They are those of ψ, of ψ̄ and of the free rows, `sizes` in number; `rows` are their rows of the problem. v has an
-    entry for each row with two obstacles.
+    They come in three blocks, of ψ, of ψ̄ and of the free rows, with these `sizes`; `rows` are the rows of the problem
+    that they belong to. v has an entry for each row with two obstacles.
     """
 
     rows: NDArray[np.integer]
@@ -112,7 +113,7 @@ class Conditions(NamedTuple):
 @check_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class Target(Displayable):
-    """One problem for foreign solvers, with the data that they share computed once.
+    """One problem for foreign solvers; data that several of them need are computed once.
 
     Parameters
     ----------
@@ -121,7 +122,7 @@ class Target(Displayable):
     frozen : bool
         Whether the obstacles were frozen at the answer under test.
     tangent : bool
-        Whether p is the tangent at the answer under test of a nonlinear one.
+        Whether p is the linearisation at the answer under test of a nonlinear p.
 
     Examples
     --------
@@ -160,12 +161,12 @@ class Target(Displayable):
 
     @property
     def two_sided(self) -> Mask:
-        """The rows with an obstacle on either side, shape (n,)."""
+        """The mask of the rows with a lower and an upper obstacle, shape (n,)."""
         return np.isfinite(self.c) & np.isfinite(self.d)
 
     @cached_property
     def conditions(self) -> Conditions:
-        """The conditions of the form "mpec"."""
+        """The complementarity conditions, as in the form "mpec"."""
         G, c = self.below
         H, d = self.above
         below = np.isfinite(c)
@@ -182,26 +183,26 @@ class Target(Displayable):
 
     @cached_property
     def parallel(self) -> bool:
-        """Whether both obstacles move alike in every row that has two."""
+        """Whether H = G in every row with two obstacles."""
         conditions = self.conditions
         return abs(conditions.V.T @ conditions.R).sum() == 0.0
 
     @cached_property
     def _map(self) -> sp.csr_array:
-        """M of the gap (Az + q)ᵀ(Mz + m) + vᵀ(d − c): I − G, or I − H, and I in the free rows, where p_i = 0."""
+        """M of the gap (Az + q)ᵀ(Mz + m) + vᵀ(d − c): I − G, I − H in rows without ψ, and I in free ones (p_i = 0)."""
         return sp.csr_array(self.conditions.T.T @ self.conditions.R)
 
     @cached_property
     def curvature(self) -> MatrixClasses:
-        """S = AᵀM + MᵀA, the Hessian of the gap in z, shape (n, n): whether it is positive (semi)definite."""
+        """The classes of S = AᵀM + MᵀA, the Hessian of the gap in z: whether it is positive (semi)definite."""
         half = self.problem.A.T @ self._map
         return classify(half + half.T)
 
     @cached_property
     def bound_at_zero(self) -> ErrorBound:
-        """δ with |z*| ≤ δ from the certificate at z = 0, thus independent of the answer under test.
+        """δ with |z*| ≤ δ from the error bound at z = 0, thus independent of the answer under test.
 
-        Not sharpened: that would hand |z*| itself to a solver that is asked for it.
+        It is not sharpened: a sharp bound would give |z*| itself away to a solver that is to find it.
         """
         return error_bound(self.problem, np.zeros(self.problem.n), sharp=False)
 
@@ -209,8 +210,8 @@ class Target(Displayable):
     def bounds(self) -> tuple[Vector, Vector, Vector] | None:
         """Bounds on |z*| and |p*|, shape (n,), and on the distances Rz* + b.
 
-        They are δ of `bound_at_zero`, |q| + |A|δ and |R|δ + |b|, and a little larger, as these sums round.
-        Without δ a box bounds z; None without a box.
+        They are δ of `bound_at_zero`, |q| + |A|δ and |R|δ + |b|, enlarged by 1e-9 each, as these sums round. Without δ,
+        two constant obstacles in every row bound z; None without these.
         """
         z_max = self.bound_at_zero.componentwise
         margin = 1 + 1e-9
@@ -226,8 +227,8 @@ class Target(Displayable):
     def unique(self) -> bool:
         """Whether at most one solution is proved to exist: by the certificate, or because S is positive definite.
 
-        For two solutions (p − p′)ᵀ(r − r′) = −pᵀr′ − p′ᵀr ≤ 0, and it equals ½(z − z′)ᵀS(z − z′). Between obstacles
-        that move alike r ∈ [0, d − c] and a larger p_i goes with an r_i that is not larger: it is ≤ 0 there, too.
+        For two solutions (p − p′)ᵀ(r − r′) = −pᵀr′ − p′ᵀr ≤ 0, and it equals ½(z − z′)ᵀS(z − z′). In rows with two
+        obstacles and H = G, a larger p_i goes with an r_i ∈ [0, d_i − c_i] that is not larger: it is ≤ 0 there, too.
         """
         if self.problem.f is not None or self.bound_at_zero.unique:
             return self.bound_at_zero.unique
@@ -256,12 +257,12 @@ class Target(Displayable):
             return None
         if form == "energy" and not constant:
             return "psi is not constant"
-        # up to one rounding of its entries
+        # beyond one rounding of its entries
         if form == "energy" and abs(A - A.T).max() > 4 * UNIT_ROUNDOFF * np.abs(A.data).max():
             return "A is not symmetric"
         if not self.parallel:
             return "psi and upper depend on z in different ways, so that the gap is not convex"
-        # rounding does not make a QP nonconvex for a solver
+        # solvers accept a QP that only rounding errors make nonconvex
         convex = self.curvature.semidefinite_up_to_rounding
         if convex.holds:
             return None
@@ -297,7 +298,7 @@ class Target(Displayable):
         conditions = self.conditions
         T, V, R, b = conditions.T, conditions.V, conditions.R, conditions.b
         below, above, _ = conditions.sizes
-        # where there are two obstacles r ≤ d − c stands for s ≥ 0
+        # in rows with two obstacles r ≤ d − c is the constraint s ≥ 0
         distances = np.r_[:below, below + np.flatnonzero(~self.two_sided[conditions.rows[below : below + above]])]
         K = sp.block_array([[T @ A, V], [R[distances], None]], format="csc")
         lower = -np.concatenate([T @ q, b[distances]])
@@ -309,11 +310,11 @@ class Target(Displayable):
 
 
 def targets(problem: ProblemData, y: Vector, tangent: bool = False) -> list[Target]:
-    """The problems to be solved by foreign solvers.
+    """The problems that foreign solvers are to solve: `problem`, its frozen form, both, or none.
 
-    The first is `problem`, scaled, where ψ is constant or affine. Unless ψ is constant the second
-    is the problem frozen at the answer under test `y`, shape (n,). It needs finite obstacles ψ(y)
-    and ψ̄(y) that do not cross. `tangent` says that p is the tangent of a nonlinear one.
+    The first is `problem`, where ψ is constant or affine. Unless ψ is constant, the second is the
+    problem frozen at the answer under test `y`, shape (n,), in the same units. It needs finite
+    obstacles ψ(y) and ψ̄(y) that do not cross. `tangent` says that p is a linearisation.
     """
     problems = [Target(problem, tangent=tangent)] if problem.psi.linear is not None else []
     if not problem.psi.is_constant and np.isfinite(y).all():

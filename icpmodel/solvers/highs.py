@@ -53,7 +53,7 @@ class Highs(ForeignSolver):
 
 
 def highs_options(tolerance: float) -> dict[str, Any]:
-    """HiGHS's options for `tolerance`, which is absolute and at least 1e-10."""
-    # by default it adds 1e-7 to the Hessian, which shows in the seventh digit
+    """HiGHS's options for the absolute tolerance `tolerance`, which is raised to 1e-10 if it is smaller."""
+    # by default HiGHS adds 1e-7 to the Hessian, which shows in the seventh digit
     feasible = dict.fromkeys(("primal_feasibility_tolerance", "dual_feasibility_tolerance"), max(tolerance, 1e-10))
     return {**feasible, "qp_regularization_value": 0.0}

@@ -1,4 +1,4 @@
-"""HiGHS on the mixed-integer form, with bounds that are widened step by step: for problems without a known bound.
+"""HiGHS on the mixed-integer form for problems without known bounds: the bounds are widened step by step.
 
 Reference: Huangfu and Hall, Math. Program. Comput. 10 (2018), doi 10.1007/s12532-017-0130-5.
 """
@@ -13,9 +13,9 @@ from .formulations import Target
 
 
 class HighsMilp(ForeignSolver):
-    """The active set of HiGHS's branch and bound, and the solution of its linear system: `icpmodel.MixedInteger`.
+    """An active set by HiGHS's branch and bound, and the solution of its linear system: `icpmodel.MixedInteger`.
 
-    Asked where `Target.bounds` knows no bounds on p and r, as of indefinite A; with bounds "pyomo-highs" is asked.
+    It is run only where `Target.bounds` is None, as for indefinite A; otherwise "pyomo-highs" is run.
     """
 
     name = "highs-milp"

@@ -1,10 +1,10 @@
-"""IPOPT, which CasADi's wheel holds as a library: it minimises the products of the conditions, convex or not.
+"""IPOPT, a library in CasADi's wheel: it minimises the sum of the products of the conditions, convex or not.
 
     min uᵀr   subject to   u, r ≥ 0,   u = Tp(z) + Vv,   r = Rz + b,   and Tp(z) = 0 in the free rows.
 
 The matrices are those of `icpmodel.solvers.formulations.Conditions`.
-Let p be affine, ψ constant and A row sufficient, for example a P-matrix. Then every point at which
-it may stop is a solution. Otherwise it may stop where uᵀr > 0.
+Let p be affine, ψ constant and A row sufficient, for example a P-matrix. Then every stationary
+point is a solution. Otherwise IPOPT may stop at one with uᵀr > 0.
 
 References
 ----------
@@ -28,7 +28,7 @@ from .formulations import Target
 
 #: for affine p
 _OPTIONS: dict[str, Any] = {
-    # by default it relaxes every bound by 1e-8
+    # by default IPOPT relaxes every bound by 1e-8
     "bound_relax_factor": 0.0,
     # fewer steps on each of nine scenes, n = 1 to 900, and the bearing of n = 900 is not called infeasible
     "mehrotra_algorithm": "yes",
@@ -38,7 +38,7 @@ _OPTIONS: dict[str, Any] = {
 
 
 class Ipopt(ForeignSolver):
-    """IPOPT on the MPEC or, with nonlinear p, on the NLP; with the derivatives of CasADi."""
+    """IPOPT on the MPEC or, with nonlinear p, on the NLP; the derivatives, except f′, are CasADi's."""
 
     name = "ipopt"
     package = "casadi"
@@ -46,7 +46,7 @@ class Ipopt(ForeignSolver):
     forms = ("mpec", "nlp")
     used_by = ("crosscheck",)
     tight = (1e-13, 1e-10)
-    # nothing stops a factorisation on the way: with a full A of n = 1000 a step takes 2.6 s (2 cores, CasADi 3.8.2)
+    # nothing interrupts a factorisation: with a full A of n = 1000 a step takes 2.6 s (2 cores, CasADi 3.8.2)
     largest = 1000
     too_large = "a step may take minutes"
 
@@ -62,14 +62,14 @@ class Ipopt(ForeignSolver):
             settings["hess_lag"] = _curvature(program)
             # on 14 of 15 problems of the literature it took 27 steps at most; on the other one it did not end
             options |= {"mehrotra_algorithm": "no", "max_iter": 300}
-        # CasADi does not keep f alive; at 0 the slope of a power is 0
+        # f is returned, as CasADi does not keep it alive; with f the start is 1, as at 0 the slope of a power is 0
         return ca.nlpsol("icp", "ipopt", program, settings), {"x0": 0.0 if f is None else 1.0, **_bounds(target)}, n, f
 
     def run(self, model: Any) -> Claim:
         solver, data, n, _ = model
         x = solver(**data)["x"]
         stats = solver.stats()
-        if stats["return_status"] == "NonIpopt_Exception_Thrown":  # CasADi swallows Ctrl-C, and nothing else is thrown
+        if stats["return_status"] == "NonIpopt_Exception_Thrown":  # by Ctrl-C only, which CasADi does not pass on
             raise KeyboardInterrupt
         return Claim(np.asarray(x).ravel()[:n], stats["return_status"], stats["success"])
 
@@ -96,7 +96,7 @@ def _program(target: Target, f: Any) -> dict[str, Any]:
 
 
 def _curvature(program: dict[str, Any]) -> Any:
-    """The second derivatives of the objective alone: where it is 0, those of f have multipliers that are 0."""
+    """The Hessian of the objective alone: where the objective is 0, the multipliers of f″ are 0."""
     import casadi as ca
 
     factor = ca.MX.sym("factor")
@@ -106,7 +106,7 @@ def _curvature(program: dict[str, Any]) -> Any:
 
 
 def _as_casadi(f: NonlinearTerm) -> Any:
-    """f and f′ for CasADi: NaN, at which IPOPT shortens its step, where the code of the user fails."""
+    """f and f′ as a CasADi callback; where the user's code fails, it gives NaN, at which IPOPT shortens its step."""
     import casadi as ca
 
     n = f.n
@@ -159,7 +159,7 @@ def _as_casadi(f: NonlinearTerm) -> Any:
 def _bounds(target: Target) -> dict[str, Any]:
     """The bounds of (z, v, u, r), and of the equations.
 
-    Where the obstacles touch there is no room between them: r = 0, which makes s = 0, and p + v alone stands for both.
+    Where the obstacles touch, r = 0 implies s = 0. Then r and v are fixed at 0, and p + v may have either sign.
     """
     rows = target.conditions.rows
     below, above, free = target.conditions.sizes

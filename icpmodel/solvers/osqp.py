@@ -1,6 +1,6 @@
 """OSQP through its own interface: operator splitting, then polishing (guess the active set and solve).
 
-At its default settings OSQP calls "solved" what is wrong in the third digit.
+At its default settings OSQP calls an answer "solved" that is wrong in the third digit.
 Reference: Stellato, Banjac, Goulart, Bemporad and Boyd, Math. Program. Comput. 12 (2020),
 doi 10.1007/s12532-020-00179-2.
 """
@@ -35,7 +35,7 @@ class Osqp(ForeignSolver):
         return model
 
     def run(self, model: Any) -> Claim:
-        """Raises KeyboardInterrupt, which OSQP itself turns into a status."""
+        """Solve; raise KeyboardInterrupt after Ctrl-C, which OSQP itself turns into a status."""
         import osqp
 
         result = model.solve(raise_error=False)
@@ -48,7 +48,7 @@ class Osqp(ForeignSolver):
 
 
 class OsqpUnpolished(Osqp):
-    """OSQP as it comes, which shows in a race what default tolerances, 1e-3, are worth."""
+    """OSQP without polishing, its default: a race shows how accurate it is, also at its default tolerance, 1e-3."""
 
     name = "osqp, not polished"
     used_by = ("race",)

@@ -1,9 +1,9 @@
-"""PATH, the field's reference for complementarity, as the GAMS system of `gamspy_base` runs it.
+"""PATH, the reference solver for complementarity, run by the GAMS system of `gamspy_base`.
 
-Lower and upper obstacles that move have multipliers u ≥ 0 and v ≥ 0. PATH gets the mixed
+Lower and upper obstacles that depend on z have multipliers u ≥ 0 and v ≥ 0. PATH gets the mixed
 complementarity problem in x = (z, u, v). Each line is a function and its variable:
 
-    Az + q − u + v    ⟂   z, between the obstacles that do not move,
+    Az + q − u + v    ⟂   z, between the obstacles that are constant,
     z − Gz − c        ⟂   u ≥ 0,
     d + Hz − z        ⟂   v ≥ 0.
 
@@ -82,7 +82,7 @@ class PathSolver(ForeignSolver):
                 return Claim(None, "time limit", False)
             answer = pathlib.Path(folder, "answer.txt")
             z = np.array(answer.read_text().split(), dtype=np.float64)[:n] if answer.exists() else None
-        # what PATH says in the end; else what stopped GAMS
+        # the exit message of PATH; without one, the errors of GAMS
         exits = re.findall(r"^ \*{2,3} EXIT - (.+?)\.?$", text := process.stdout.decode(errors="replace"), re.MULTILINE)
         words = exits[-1] if exits else "; ".join(re.findall(r"^\*\*\* (.+)", text, re.MULTILINE)[:2])
         return Claim(z, words, words == "solution found")
@@ -110,12 +110,12 @@ def mixed_problem(target: Target) -> tuple[sp.coo_array, Vector, Vector, Vector]
 
 
 def _sides(target: Target) -> Iterator[tuple[float, Any, Vector, Any]]:
-    """(1, G, c) of the lower obstacle and (−1, H, d) of the upper one, each with the mask of the rows that move."""
+    """(1, G, c) of the lower obstacle and (−1, H, d) of the upper one, each with the mask of rows that depend on z."""
     for sign, (G, c) in ((1.0, target.below), (-1.0, target.above)):
         yield sign, G, c, np.isfinite(c) & (np.diff(G.indptr) > 0)
 
 
 def _gams_list(values: Vector, *places: Any) -> str:
-    """The `values` as a list of GAMS data, with the numbers of their `places`, from 1."""
+    """The `values` as a list of GAMS data, each after its indices (one array of `places` each), from 1."""
     form = ".".join(["%d"] * len(places)) + " %r"
     return "\n".join(map(form.__mod__, zip(*((one + 1).tolist() for one in places), values.tolist(), strict=True)))

@@ -20,7 +20,7 @@ class Piqp(ForeignSolver):
     used_by = ("race",)
 
     def set_up(self, target: Target, tolerance: float, time_limit: float) -> Any:
-        """Rows that bound one unknown are given as bounds."""
+        """Make PIQP's model; inequalities with the single entry 1 are passed as bounds of that unknown."""
         import piqp
 
         qp = self.pose(target)

@@ -40,7 +40,7 @@ def to_pyomo(problem: ProblemLike) -> Any:
     problem : ICP
         Its ψ and f are constant, affine, read from a Pyomo model, or Python code. Such code may use
         arithmetic and NumPy functions that Pyomo has as well, without branches. It is run once on
-        symbols, and the expressions are compared with it.
+        symbols, and the values of the expressions are compared with its own.
 
     Returns
     -------
@@ -54,10 +54,11 @@ def to_pyomo(problem: ProblemLike) -> Any:
 
     Notes
     -----
-    A row with an obstacle is complements(p_i ≥ 0, r_i ≥ 0). A row that has an upper obstacle as well is
-    complements(c_i ≤ z_i ≤ d_i, p_i) where they are constant. Otherwise it gets a variable v[i],
-    complements(p_i + v_i ≥ 0, r_i ≥ 0) and `above[i]`, complements(v_i ≥ 0, ψ̄_i − z_i ≥ 0). A row
-    without obstacle is the equality constraint `equation[i]`, p_i = 0.
+    A row with a lower obstacle is complements(p_i ≥ 0, r_i ≥ 0), one with an upper obstacle
+    complements(p_i ≤ 0, z_i − ψ̄_i ≤ 0). A row with both is complements(c_i ≤ z_i ≤ d_i, p_i) if the
+    obstacles are constant. Otherwise it gets a variable v[i], complements(p_i + v_i ≥ 0, r_i ≥ 0) and
+    `above[i]`, complements(v_i ≥ 0, ψ̄_i − z_i ≥ 0). A row without obstacle is the equality constraint
+    `equation[i]`, p_i = 0.
 
     `objective` is the constant 0, without which some solvers do not start: every point that
     satisfies the conditions is a solution.
@@ -110,9 +111,9 @@ def _side(psi: Map | None, z: Any) -> dict[int, Any]:
 
 
 def _expressions(psi: Map, z: Any, name: str) -> list[Any]:
-    """ψ_i(z) as Pyomo expressions of the variables `z`: numbers where they do not move, ±inf in rows without.
+    """ψ_i(z) as Pyomo expressions of the variables `z`: numbers where they are constant, ±inf in rows without obstacle.
 
-    `name` is that of ψ in messages.
+    `name` is that of ψ in messages. Raises NotApplicable.
     """
     variables = list(z.values())
     if psi.linear is not None:
@@ -133,7 +134,7 @@ def _expressions(psi: Map, z: Any, name: str) -> list[Any]:
             expressions = list(np.asarray(code(symbols)).reshape(len(variables)))
         else:
             raise TypeError("it takes the best of several")
-        # a row is without obstacle or is not, whatever z is
+        # whether a row has an obstacle does not depend on z
         at_one_half = psi.value(np.full(len(variables), 0.5)).tolist()
         expressions = [one.expression if isinstance(one, _Symbol) else float(one) for one in expressions]
         expressions = [value if np.isinf(value) else one for one, value in zip(expressions, at_one_half, strict=True)]
@@ -153,7 +154,7 @@ def _affine_rows(G: Any, c: Any, z: Any) -> list[Any]:
 
 
 def _compare(psi: Map, expressions: list[Any], z: Any, name: str) -> None:
-    """Raise ValueError if the expressions differ from ψ in value, as for code with a state."""
+    """Raise ValueError if the expressions differ from ψ in value, as for code with a state. Sets and clears `z`."""
     from pyomo.environ import value
 
     random = np.random.default_rng(0)
@@ -170,7 +171,7 @@ def _compare(psi: Map, expressions: list[Any], z: Any, name: str) -> None:
 
 
 class _Symbol:
-    """A Pyomo expression on which arithmetic and NumPy's functions work: np.sin of an array of them asks x.sin()."""
+    """A Pyomo expression on which arithmetic and NumPy's functions work: np.sin of an array of them calls x.sin()."""
 
     def __init__(self, expression: Any) -> None:
         self.expression = expression
@@ -198,7 +199,7 @@ class _Symbol:
 def _arithmetic(operation: Callable[[Any, Any], Any], reflected: bool) -> Callable[[_Symbol, Any], Any]:
     def method(self: _Symbol, other: Any) -> Any:
         if isinstance(other, np.ndarray):
-            return NotImplemented  # NumPy goes through the entries
+            return NotImplemented  # then NumPy applies the operation to each entry
         other = other.expression if isinstance(other, _Symbol) else float(other)
         pair = (other, self.expression) if reflected else (self.expression, other)
         return _Symbol(operation(*pair))
@@ -212,7 +213,7 @@ for _name in ("add", "sub", "mul", "truediv", "pow"):
 
 
 class PyomoHighs(ForeignSolver):
-    """HiGHS's branch and bound on the big-M form, of n ≤ 250. Its bounds on p and r are `Target.bounds`."""
+    """HiGHS's branch and bound on the big-M form, for n ≤ 250. M follows from `Target.bounds`."""
 
     name = "pyomo-highs"
     package = "highspy"

@@ -1,4 +1,4 @@
-"""Foreign work that nothing can stop, within a limit of time."""
+"""A time limit for foreign code that cannot be interrupted."""
 
 from __future__ import annotations
 
@@ -13,30 +13,32 @@ from ..problem.data import ProblemData
 
 _T = TypeVar("_T")
 
-#: ten times what a solver was measured to set up in one piece, in factorisations by BLAS, and in nanoseconds for each
-#: entry of A beside them: OSQP and CVXPY at n = 1000, dense, and for the membrane with n = 40 000
+#: ten times the measured cost of a solver's set-up, which cannot be interrupted, in factorisations by BLAS, and beside
+#: them in nanoseconds for each entry of A: OSQP and CVXPY at n = 1000, dense, and for the membrane with n = 40 000
 _SETUP_FACTORISATIONS = 250.0
 _SETUP_COST_PER_ENTRY = 30_000.0
 
 
 def time_limited(items: Callable[[], Iterator[_T]], problem: ProblemData, setups: int, end: float) -> Iterator[_T]:
-    """Yield the `items`, from a separate process if a single step may exceed the time limit.
+    """Iterate over the `items`, in a separate process if the set-ups may exceed the time limit.
+
+    In this process, the iteration does not stop at the `end` by itself.
 
     Parameters
     ----------
     items : callable
         Makes the iterator; what it yields is pickled.
     problem : ProblemData
-        What is solved.
+        The problem to solve.
     setups : int
-        How many solvers are set up.
+        The number of set-ups of solvers.
     end : float
-        When the time is over, as `time.perf_counter` says it.
+        The end of the time limit, on the clock `time.perf_counter`.
 
     Raises
     ------
     OutOfTime
-        At the `end`, or at once where there are no processes.
+        At the `end`, or at once where a process cannot be forked.
     ChildProcessError
         Where the process died.
     """

@@ -1,4 +1,4 @@
-"""The units in which foreign solvers get a problem, so that their absolute tolerances mean something."""
+"""The units in which foreign solvers get a problem, so that their absolute tolerances are meaningful."""
 
 from __future__ import annotations
 
@@ -17,13 +17,12 @@ from ..problem.map import Map
 
 
 def in_typical_units(problem: ProblemData) -> tuple[ProblemData, float]:
-    """The same problem with a typical |a_ii| and a typical size of z near 1, and the unit: z = unit · y.
+    """Scale `problem` so that a typical |a_ii| and a typical size of z are near 1; return it and the unit of z.
 
-    A becomes 2⁻ⁱA, q 2⁻ⁱ⁻ᵏq, ψ y ↦ 2⁻ᵏψ(2ᵏy), without rounding, so that absolute tolerances of
-    solvers mean something. The size of z follows from the data, never from an answer. It is taken
-    from q_i/a_ii, between two obstacles at most the larger one. The positive obstacles below and
-    the negative ones above, at z = 0, count as well. Returns (problem in y, 2ᵏ); the problem as it
-    is, and 1, where something would overflow.
+    A becomes 2⁻ⁱA, q 2⁻ⁱ⁻ᵏq, ψ y ↦ 2⁻ᵏψ(2ᵏy), without rounding; z = 2ᵏy. The size of z follows from
+    the data, never from an answer. It is the larger of two typical sizes. One is that of |q_i/a_ii|,
+    in rows with two obstacles at most the larger |obstacle|. The other is that of the obstacles at
+    z = 0 which exclude 0. Returns (problem in y, 2ᵏ), or (problem, 1) if something would overflow.
     """
     diagonal = np.abs(problem.A.diagonal())
     size_A = _typical_size(diagonal) or _typical_size(np.abs(problem.A.data)) or 1.0
@@ -47,7 +46,7 @@ def in_typical_units(problem: ProblemData) -> tuple[ProblemData, float]:
 
 
 def in_units_of_z(problem: ProblemData, unit: float) -> ProblemData:
-    """A problem with nonlinear p in y = z/`unit`, a power of two, with typical entries of A + f′ near 1."""
+    """A problem with nonlinear p, in y = z/`unit`, a power of two, scaled to typical entries of A + f′ near 1."""
     f = problem.f
     assert f is not None
     scale = 2.0 ** -math.frexp(_typical_size(1.0 / problem.matrix.row_weights) or 1.0)[1]
