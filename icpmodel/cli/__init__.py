@@ -1,8 +1,8 @@
 """The command line: arguments in, text or JSON out. No numerics here.
 
-Exit codes: 0 success (solved; for `crosscheck` also confirmed); 1 not solved or not confirmed. 2
+Exit codes: 0 success (solved; for `crosscheck` also confirmed); 1 not solved or not confirmed; 2
 wrong input, or a file that cannot be read or written; 130 interrupted. After an interrupt `solve`
-and `crosscheck` show what they have, and exit as above.
+and `crosscheck` print the results so far, and exit with 0 or 1 as above.
 """
 
 from __future__ import annotations
@@ -28,16 +28,16 @@ from .output import STANDARD_INPUT, compilation_announced, complain, keep_standa
 
 __all__ = ["main"]
 
-#: solvers of .nl files are called so, and Pyomo takes every command for one whose name it does not know
+#: the option with which Pyomo calls solvers of .nl files: it takes every solver that it does not know for one
 _ASL = "-AMPL"
 _NO_ASL = (
     'this command reads no .nl files. In Pyomo, `import icpmodel.modelling.pyomo` before SolverFactory("icpmodel"), '
     "or take icpmodel.pyomo_solver(), and build the model again: this call has rewritten its Complementarity"
 )
 
-#: where what starts several processes at once gives each of them its number
+#: the environment variables in which launchers of MPI give each process its rank
 _RANK_VARIABLES = ("OMPI_COMM_WORLD_RANK", "PMI_RANK", "SLURM_PROCID")
-#: command → the file that it is in, which is imported when the command is asked for; ordered by use
+#: command → its module, which is imported when the command is requested; ordered by use
 _COMMAND_MODULES = {
     "scenes": "solving",
     "solve": "solving",
@@ -64,7 +64,7 @@ _EXAMPLES = {
 
 
 class _NoReaderError(Exception):
-    """Standard output is a pipe that nobody reads any more."""
+    """Standard output is a pipe without a reader."""
 
 
 class _Commands(click.Group):
@@ -88,7 +88,7 @@ class _Commands(click.Group):
         return list(_COMMAND_MODULES)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """Each command with its first sentence, whole."""
+        """List each command with the first sentence of its docstring, not shortened."""
         commands = {name: self.get_command(ctx, name) for name in self.list_commands(ctx)}
         with formatter.section("Commands"):
             formatter.write_dl([(name, one.get_short_help_str(limit=500)) for name, one in commands.items() if one])
@@ -115,13 +115,13 @@ def commands() -> None:
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """The entry point: every error is one line on standard error.
+    """The entry point: every error is printed as one line on standard error.
 
     Parameters
     ----------
     arguments : list of str, optional
-        Arguments of the command, by default those of this process. By default the process ends at
-        once, without waiting for a step that has exceeded its time limit.
+        Arguments of the command, by default those of this process. In that case the process does not
+        wait at its end for a step that has exceeded its time limit.
 
     Raises
     ------
@@ -143,7 +143,7 @@ def main(arguments: list[str] | None = None) -> None:
         signal.signal(signal.SIGTERM, _leave)
     keep_standard_output()
     for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper):  # characters outside its encoding are escaped
+        if isinstance(stream, io.TextIOWrapper):  # escape characters outside its encoding
             stream.reconfigure(errors="backslashreplace")
     code = _run(sys.argv[1:])
     if any(thread.name == ABANDONED_THREAD for thread in threading.enumerate()):
@@ -155,14 +155,14 @@ def main(arguments: list[str] | None = None) -> None:
 
 
 def _leave(signum: int, frame: FrameType | None) -> None:
-    """End at once: mpiexec turns Ctrl-C into SIGTERM for all ranks; the first rank reports it."""
+    """End this process at SIGTERM, which mpiexec sends to all ranks after Ctrl-C; rank 0 reports it."""
     if all(os.environ.get(name, "0") == "0" for name in _RANK_VARIABLES):
         os.write(2, b"icpmodel: interrupted\n")
     os._exit(130)
 
 
 def _run(arguments: list[str]) -> int:
-    """The exit code of the command."""
+    """Run the command, print its error if there is one, and return the exit code."""
     code: Any
     try:
         # a single line, in which file names that are not UTF-8 are escaped
@@ -172,7 +172,7 @@ def _run(arguments: list[str]) -> int:
         load_plugins()
         with compilation_announced():
             code = commands.main(args=arguments, prog_name="icpmodel", standalone_mode=False, obj=typed)
-        if sys.stdout is not None:  # it was closed by the shell
+        if sys.stdout is not None:  # None if the shell has closed it
             sys.stdout.flush()
     except click.exceptions.Exit as stop:
         code = stop.exit_code
@@ -189,7 +189,7 @@ def _run(arguments: list[str]) -> int:
         if isinstance(error, CTRL_C) and not is_ctrl_c(error):
             raise
         code = complain("interrupted", 130)
-    except (OSError, _NoReaderError) as error:  # a full disk, or a reader such as head that has seen enough
+    except (OSError, _NoReaderError) as error:  # a full disk, or a reader such as head that has ended
         code = complain(f"cannot write the output: {getattr(error, 'strerror', None) or error}")
-        sys.stdout = open(os.devnull, "w")  # noqa: SIM115  or Python complains again at exit
+        sys.stdout = open(os.devnull, "w")  # noqa: SIM115  else Python prints an error again at exit
     return code or 0

@@ -1,4 +1,4 @@
-"""What a user types: options read off a signature and its docstring, and those that name the problem and the method."""
+"""Options of commands: made from a signature and its docstring, and those that name the problem and the method."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class _Whole(click.ParamType):
 
 
 def _number(text: str) -> bool | int | float | str:
-    """The truth value or number that the text is, a whole one as such, 1e4 too; else the text."""
+    """Convert text to a truth value, an integer (also 1e4) or a float; return any other text as it is."""
     if text.lower() in ("true", "false"):
         return text.lower() == "true"
     for convert in (int, float):
@@ -68,7 +68,7 @@ _KINDS = {"int": _WHOLE, "float": float, "str": str}
 
 
 def completing(listed: Callable[[], Iterable[str]]) -> Callable[..., list[CompletionItem]]:
-    """The completion of a shell: the names in `listed()`, else a file."""
+    """A function for shell completion: the matching names in `listed()`, or else files."""
 
     def complete(ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
         items = [CompletionItem(name) for name in listed() if name.startswith(incomplete)]
@@ -77,12 +77,12 @@ def completing(listed: Callable[[], Iterable[str]]) -> Callable[..., list[Comple
     return complete
 
 
-#: part of a problem in a file → the argument
+#: part of a problem → the argument that names its file
 _FILE_OPTIONS = {"A": "a_file", "q": "q_file", "psi": "psi", "upper": "upper"}
 
-#: first bytes of standard input → the suffix of its format; else it is CSV
+#: first bytes of standard input → the suffix of its format; all else is CSV
 _SUFFIX_OF_PREFIX = {b"PK": ".npz", b"\x93NUMPY": ".npy", b"%%MatrixMarket": ".mtx"}
-#: by which the problem is named
+#: the argument and options that name the problem
 SOURCE_OPTIONS = (
     click.argument("source", required=False, shell_complete=completing(scene_names)),
     click.option("--n", type=_WHOLE, help="Number of unknowns of a scene; the nearest possible number is used."),
@@ -92,7 +92,7 @@ SOURCE_OPTIONS = (
     click.option("--psi", type=click.Path(), help="A number, or a file of the obstacle below z.  [default: 0]"),
     click.option("--upper", type=click.Path(), help="A number, or a file of the upper obstacle.  [default: none]"),
 )
-#: by which the method is named
+#: the options that name the method
 METHOD_OPTIONS = (
     click.option(
         "--method", shell_complete=completing(names), help=f"One of {', '.join(names())}; default: automatic."
@@ -109,7 +109,7 @@ SOLVERS_OPTION = click.option(
 
 
 def options(*decorators: Decorator) -> Decorator:
-    """All of these click options and arguments at once, in this order."""
+    """Decorator: add these click options and arguments to a command, in this order."""
 
     def decorate(command: Any) -> Any:
         for decorator in reversed(decorators):
@@ -120,7 +120,7 @@ def options(*decorators: Decorator) -> Decorator:
 
 
 class _OnProblem(click.Command):
-    """A command that tells how an option of a method, or a parameter of a scene, is typed."""
+    """A command that, for an unknown option, says how to type an option of a method or a parameter of a scene."""
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         try:
@@ -142,7 +142,7 @@ class _OnProblem(click.Command):
 
 
 def command(*decorators: Decorator) -> Decorator:
-    """A command on a problem, with these options and arguments."""
+    """Decorator: make the function a command on a problem, with these options and arguments."""
     return lambda run: click.command(cls=_OnProblem, epilog=SOURCE_HELP)(options(*decorators)(run))
 
 
@@ -154,7 +154,7 @@ def from_signature(function: Callable[..., Any], *names: str) -> list[Decorator]
 
 
 def _descriptions(function: Callable[..., Any]) -> dict[str, str]:
-    """Parameter → its description in the section of a docstring in numpydoc form."""
+    """Parameter → its description in the section Parameters of a numpydoc docstring."""
     _, _, rest = (inspect.getdoc(function) or "").partition("Parameters\n----------\n")
     entries = re.findall(r"^(\w[\w, ]*) :.*\n((?: {4}.*\n|\n(?= ))+)", rest, re.MULTILINE)
     return {name: " ".join(text.split()) for names, text in entries for name in names.split(", ")}
@@ -168,7 +168,7 @@ def _option(parameter: inspect.Parameter, description: str) -> Decorator:
 
 
 class NamedProblem(NamedTuple):
-    """The problem that the arguments name: a scene with `n` and `parameters`, or the arguments of `load_problem`."""
+    """The named problem: a scene with `n` and `parameters`, or, as `files`, the arguments of `load_problem`."""
 
     scene: str | None
     n: int | None
@@ -177,7 +177,7 @@ class NamedProblem(NamedTuple):
 
 
 def named_source(arguments: dict[str, Any]) -> NamedProblem:
-    """The scene or the files that the arguments name. Raises InputError, FileError."""
+    """The scene or the files that the arguments name; reads standard input for "-". Raises InputError, FileError."""
     if [arguments[key] for key in ("source", *_FILE_OPTIONS.values())].count("-") > 1:
         raise InputError("more than one file is -, standard input, which holds one; give the others by name")
     arguments = arguments | {key: _input(arguments[key]) for key in ("source", *_FILE_OPTIONS.values())}
@@ -207,7 +207,7 @@ def named_source(arguments: dict[str, Any]) -> NamedProblem:
 
 
 def named_problem(arguments: dict[str, Any]) -> tuple[ICP, Scene | None]:
-    """The problem that the arguments name, and its scene if it is one. Raises InputError, FileError."""
+    """The problem that the arguments name, built or read, and its scene or None. Raises InputError, FileError."""
     named = named_source(arguments)
     if named.scene is None:
         return load_problem(*named.files), None
@@ -217,13 +217,13 @@ def named_problem(arguments: dict[str, Any]) -> tuple[ICP, Scene | None]:
 
 
 def note_size(named: NamedProblem, n: int) -> None:
-    """Report on standard error if the scene has `n` unknowns and not the size that was asked for."""
+    """Report on standard error if the scene has `n` unknowns instead of the requested number."""
     if named.n not in (None, n):
         click.echo(f"note: {named.scene} has no size {named.n}; the nearest is {n}", err=True)
 
 
 def _input(name: str | None) -> str | None:
-    """`name`, or for "-" a file that has what comes from standard input, until the command ends."""
+    """`name`; for "-" a file with the data from standard input, deleted when the command ends."""
     if name != "-":
         return name
     with file_errors(Path(STANDARD_INPUT), "read"):
@@ -240,7 +240,7 @@ def _input(name: str | None) -> str | None:
 
 
 def _side(text: str | None, option: str) -> float | str | None:
-    """A number, or else the name of a file. Raises InputError."""
+    """The text as a number, or as the name of an existing file. Raises InputError."""
     try:
         return None if text is None else float(text)
     except ValueError:
@@ -260,7 +260,7 @@ def named_method(arguments: dict[str, Any]) -> Method | None:
 
 
 def pairs(texts: tuple[str, ...], option: str) -> dict[str, Any]:
-    """Name → value of a repeated `option`, a number or truth value where the text is one. Raises InputError."""
+    """Name → value for the texts NAME=VALUE of a repeated `option`, converted by `_number`. Raises InputError."""
     values: dict[str, Any] = {}
     for text in texts:
         name, equals, value = text.partition("=")

@@ -50,9 +50,9 @@ _RACE_OPTIONS = ("repeats", "time_limit")
 def stability(plane: str, output: str | None, form: str | None, **arguments: Any) -> int:
     """Map where a method converges, how fast, how it fails elsewhere, and what the theorems prove.
 
-    PLANE is what varies. On SOURCE, or on a built-in problem, a method varies: relaxation (theta1 x theta2, the
-    default) or shift (phi x Omega). On the other planes the problem varies: coupling (mu x norm of G), transport
-    (skewness x mu) or units (units x norm of G).
+    PLANE says what varies. Parameters of a method vary, on SOURCE or on a built-in problem, for relaxation (theta1 x
+    theta2, the default) and shift (phi x Omega). The problem varies for coupling (mu x norm of G), transport (skewness
+    x mu) and units (units x norm of G).
     """
     check_picture(output)
     options = {name: arguments[name] for name in ("method", *_STABILITY_OPTIONS)}
@@ -94,16 +94,19 @@ def race(
 
 
 def check_picture(path: str | None) -> None:
-    """Raise FileError or InputError now for a path that no picture could be written to when the work is done."""
+    """Raise FileError or InputError, before the work begins, where `path` cannot take the picture and its data."""
     if path is not None:
         data_file(picture_file(path))
 
 
 def _print_and_draw(run: Callable[[], Any], output: str | None, form: str | None, if_interrupted: str) -> int:
-    """Measure, print and draw; after Ctrl-C the results so far, with the sentence `if_interrupted`."""
+    """Run, draw to `output` and print; after Ctrl-C the results so far, with the message `if_interrupted`.
+
+    Returns the exit code.
+    """
 
     def show(result: Any) -> None:
-        # before it is printed, which may fail
+        # before printing, which may fail
         for path in [] if output is None else save(figure(result), output, result.table(), command_line()):
             wrote(path)
         print_table(result, result.table(), form)

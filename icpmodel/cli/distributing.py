@@ -1,4 +1,4 @@
-"""`mpiexec -n RANKS icpmodel distributed`: every rank makes or reads its own rows of a problem, and all solve it."""
+"""`mpiexec -n RANKS icpmodel distributed`: every rank makes or reads its own rows of a problem; all ranks solve it."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _MESSAGE_SECONDS = 0.5
 
 
 class _OnRanks(click.Command):
-    """A command whose errors only rank 0 reports."""
+    """A command for which only rank 0 reports wrong arguments."""
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         try:
@@ -54,13 +54,15 @@ rank 0 all other files.""",
 )
 @AS_JSON
 def distributed(as_json: bool, **arguments: Any) -> int:
-    """Solve the problem SOURCE on the ranks of MPI: mpiexec -n 4 icpmodel distributed membrane --n 1e7. Needs petsc4py,
-    mpi4py."""
+    """Solve the problem SOURCE on MPI ranks: mpiexec -n 4 icpmodel distributed membrane --n 1e7.
+
+    Needs petsc4py and mpi4py.
+    """
     comm = world()
     with _ended_together(comm):
         try:
             return _carried_out(comm, as_json, arguments)
-        except (IcpError, FailedOnRank) as error:  # the same one on all ranks
+        except (IcpError, FailedOnRank) as error:  # the same error on all ranks
             code = 1 if isinstance(error, FailedOnRank) else 2
             return complain(str(error), code) if comm.rank == 0 else code
 
@@ -69,8 +71,8 @@ def distributed(as_json: bool, **arguments: Any) -> int:
 def _ended_together(comm: Any) -> Iterator[None]:
     """A block whose failure on one rank ends all ranks, since the others may wait for it.
 
-    Rank 0 says why; another rank does where rank 0 has not done so a moment later. mpiexec sends
-    SIGTERM to all ranks after Ctrl-C, and after the end of one.
+    Rank 0 reports its error at once; another rank waits 0.5 s first, for rank 0 to end the run. mpiexec
+    sends SIGTERM to all ranks after Ctrl-C, and after the end of one.
     """
     sent = list[int]()
 
@@ -91,7 +93,7 @@ def _ended_together(comm: Any) -> Iterator[None]:
                 "interrupted" if interrupted else f"rank {comm.rank} of {comm.size}: {type(error).__name__}: {error}"
             )
             complain(where)
-        if sent:  # mpiexec ends the others, and has more to say where it is asked to
+        if sent:  # mpiexec ends the other ranks itself, and would print more after `Abort`
             os._exit(130)
         comm.Abort(130 if interrupted else 1)
     finally:
@@ -99,7 +101,7 @@ def _ended_together(comm: Any) -> Iterator[None]:
 
 
 def _carried_out(comm: Any, as_json: bool, arguments: dict[str, Any]) -> int:
-    """Solve, write, prove and show; the exit code of this rank. Collective."""
+    """Solve, save, certify and print; return the exit code of this rank. Collective."""
     solution = _solve(comm, arguments)
     first = comm.rank == 0
     if arguments["output"] is not None:  # before the bound, which Ctrl-C may end
@@ -116,7 +118,7 @@ def _carried_out(comm: Any, as_json: bool, arguments: dict[str, Any]) -> int:
 
 
 def _solve(comm: Any, arguments: dict[str, Any]) -> DistributedSolution:
-    """The solution. Collective."""
+    """Make or read the problem, and solve it. Collective."""
     output = arguments["output"]
     z0_file = arguments["z0_file"]
     with together(comm):

@@ -1,4 +1,4 @@
-"""What the commands print, with which exit code they end, and where they may write."""
+"""What the commands print, their exit codes, and who may write to standard output."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from ..present.table import Table
 
 STANDARD_INPUT = "standard input"
 AS_JSON = click.option("--json", "as_json", is_flag=True, help="Print JSON instead of text.")
-#: one of them for a table; the last one that is typed counts
+#: the forms of a printed table; the last one that is typed counts
 FORMS = (
     click.option("--csv", "form", flag_value="csv", help="Print the whole table as CSV."),
     click.option("--latex", "form", flag_value="latex", help="Print the whole table as LaTeX (booktabs)."),
@@ -30,28 +30,28 @@ TO_FIGURE = click.option(
 
 
 def show_json(data: dict[str, Any]) -> None:
-    """Print plain data as a line of JSON; NaN and infinities, which JSON does not have, as null."""
+    """Print data as a line of JSON; NaN and infinities, which JSON does not have, become null."""
     click.echo(json.dumps(_finite(data), allow_nan=False))
 
 
 def print_as(data: dict[str, Any], text: object, as_json: bool) -> None:
-    """Print the same thing as JSON or as text."""
+    """Print `data` as JSON, or `text`, which says the same."""
     show_json(data) if as_json else click.echo(str(text))
 
 
 def print_table(result: Any, table: Table, form: str | None) -> None:
-    """Print the results, or their whole table as CSV or LaTeX."""
+    """Print `result`, or its whole `table` as CSV or LaTeX."""
     formats = {"csv": table.to_csv, "latex": table.to_latex}
     click.echo(formats[form]() if form else str(result), nl=not form)
 
 
 def keep_standard_output() -> None:
-    """Let this process alone write to its standard output: what libraries write to descriptor 1 goes to standard error.
+    """Replace `sys.stdout`, so that what libraries write to descriptor 1 goes to standard error.
 
     HiGHS and others print there in the middle of a solve, which no reader of JSON or CSV expects.
     """
-    with suppress(OSError):  # what stands for it has no descriptor
-        # one that the shell has closed is None
+    with suppress(OSError):  # a substitute of sys.stdout may have no descriptor
+        # a stream that the shell has closed is None
         if sys.stdout is not None and sys.stderr is not None and sys.stdout.fileno() == 1:
             kept = open(os.dup(1), "w", encoding=sys.stdout.encoding)  # noqa: SIM115  as long as the process lives
             os.dup2(2, 1)
@@ -75,7 +75,7 @@ def compilation_announced() -> Iterator[None]:
 
 
 def complain(message: str, code: int = 2) -> int:
-    """One line on standard error; the exit code that goes with it."""
+    """Print `message` as one line on standard error, and return the exit code `code`."""
     with suppress(OSError):  # standard error may be full
         click.echo("icpmodel: " + " ".join(message.split()), err=True)
     return code
@@ -87,12 +87,12 @@ def command_line() -> str:
 
 
 def exit_code(success: bool, complaint: str) -> int:
-    """0 for success, else 1 and the complaint."""
+    """Return 0 for success; else print the complaint and return 1."""
     return 0 if success else complain(complaint, 1)
 
 
 def measured(measure: Callable[[], Any], show: Callable[[Any], None], if_interrupted: str) -> int:
-    """Measure and show; after Ctrl-C show the results so far, with the sentence `if_interrupted`. Returns 0 or 130."""
+    """Measure and show; after Ctrl-C show the results so far, with the message `if_interrupted`. Returns 0 or 130."""
     try:
         result = measure()
         code = 0
@@ -104,7 +104,7 @@ def measured(measure: Callable[[], Any], show: Callable[[Any], None], if_interru
 
 
 def wrote(path: Any) -> None:
-    """Say on standard error what was written."""
+    """Report on standard error that `path` was written."""
     with suppress(OSError):
         click.echo(f"wrote {path}", err=True)
 

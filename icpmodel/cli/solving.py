@@ -38,9 +38,9 @@ from .arguments import (
 )
 from .output import AS_JSON, exit_code, print_as, show_json, wrote
 
-#: of `solve`
+#: the limits of a solve
 _LIMITS = ("rtol", "atol", "accuracy", "max_iter", "time_limit", "memory_limit")
-#: of a command that solves
+#: the options of the commands that solve
 _SOLVE_OPTIONS = (
     *SOURCE_OPTIONS,
     *METHOD_OPTIONS,
@@ -76,7 +76,7 @@ def solve(output: str | None, polish: bool, problem_file: str | None, as_json: b
             polished = solution.polish()
             _ = polished.certificate
             solution = polished
-    if output is not None:  # before it is printed, which may fail
+    if output is not None:  # before printing, which may fail
         save_solution(solution, output)
         wrote(output)
     errors = {} if scene is None else scene.errors(solution.z)
@@ -91,12 +91,12 @@ def solve(output: str | None, polish: bool, problem_file: str | None, as_json: b
 
 
 def unsolved(solution: Solution) -> str:
-    """The complaint beside a card, which has the message in full."""
+    """The complaint on standard error; the printed solution has the full message."""
     return f"not solved: {solution.status.value}"
 
 
 def _solve(problem: ICP, scene: Scene | None, arguments: dict[str, Any]) -> Solution:
-    """The solution with its certificate; Ctrl-C while the error bound is computed leaves the bound out."""
+    """Solve and compute the certificate; Ctrl-C during the latter, or --no-bound, leaves the error bound out."""
     if arguments["accuracy"] is not None and not arguments["bound"]:
         raise InputError("--accuracy asks for a certified error, and --no-bound leaves it out; drop one of them")
     method = named_method(arguments)
@@ -104,7 +104,7 @@ def _solve(problem: ICP, scene: Scene | None, arguments: dict[str, Any]) -> Solu
     z0 = read_start(as_path(z0_file), problem.n) if z0_file is not None else scene and scene.z0
     limits = {name: arguments[name] for name in _LIMITS}
     solution = problem.solve(method, z0=z0, progress=True, raise_on_failure=False, **limits)
-    if not arguments["bound"] or solution.status is Status.INTERRUPTED:  # after Ctrl-C nobody waits for a bound
+    if not arguments["bound"] or solution.status is Status.INTERRUPTED:  # after Ctrl-C no bound is computed
         return solution.without_bound()
     try:
         with status_line(True) as say:
