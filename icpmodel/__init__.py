@@ -17,6 +17,6 @@ from .solve import solve as solve
 
 __version__ = "0.1.0"
 
-# What users name is listed once, in __init__.pyi, and loaded when it is first used. The verbs above are bound at once:
-# their rooms have the same names, and a room that is imported later would take the verb's place.
+# The public names are listed once, in __init__.pyi, and loaded at first use. The functions above are bound at once:
+# subpackages have the same names, and the import of a subpackage later would replace the function of its name.
 __getattr__, __dir__, __all__ = _lazy.attach_stub(__name__, __file__)

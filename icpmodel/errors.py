@@ -1,16 +1,16 @@
-"""The tree of errors and what they say.
+"""The errors of the package, and the checks of arguments that raise them.
 
 IcpError
-├── InputError (also a ValueError)   an argument is wrong: which, what was found, what was expected.
-├── FileError (also an OSError)      a file is missing, truncated or not what it claims to be.
-├── MapError                         the user's ψ raised or returned something unusable.
-├── NotApplicable                    a method or solver cannot take this problem; the sentence says why.
-│   └── SingularOperator             X = M₁ + φ + Ω cannot be inverted; ``row`` says where.
-├── OutOfTime                        a step was not begun, as the remaining time is too short for it.
+├── InputError (also a ValueError)   an argument is wrong: which, the actual and the expected value.
+├── FileError (also an OSError)      a file is missing, truncated, not what it claims to be, or not writable.
+├── MapError                         the user's ψ or f raised or returned something unusable.
+├── NotApplicable                    a method or solver cannot take this problem; the message says why.
+│   └── SingularOperator             a matrix such as X = M₁ + φ + Ω is singular; ``row`` says where.
+├── OutOfTime                        a step was not begun, or was ended, as the time is too short for it.
 ├── OutOfMemory (also a MemoryError) a step was not begun, as the free memory is too small for it.
 └── NotSolved                        the run ended without a solution; ``solution`` has the best iterate.
 
-Interrupted (a KeyboardInterrupt)    Ctrl-C where no status can tell; ``report`` has the results so far.
+Interrupted (a KeyboardInterrupt)    Ctrl-C where no status can say so; ``report`` has the results so far.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ _ELSEWHERE = {
 
 
 def did_you_mean(name: Any, known: Iterable[str]) -> str:
-    """The end of a message on `name`, which is not among the `known` names: the nearest one, or nothing."""
+    """The end of a message on `name`, which is not among the `known` names: "; did you mean …?", or nothing."""
     if not isinstance(name, str):
         return ""
     translated = _ELSEWHERE.get(name.lower(), name.lower())
@@ -54,7 +54,7 @@ def check_arguments(target: Call) -> Call:
     Parameters
     ----------
     target : function or class
-        What users call; of a class its `__init__` is decorated.
+        A public function, or a class, whose constructor is then decorated in place.
     """
     if isinstance(target, type):
         constructor = "__new__" if issubclass(target, tuple) else "__init__"
@@ -70,7 +70,7 @@ def check_arguments(target: Call) -> Call:
             return target(*args, **kwargs)
         except TypeError as error:
             if any(frame.f_code is code for frame, _ in walk_tb(error.__traceback__)):
-                raise  # it comes from inside
+                raise  # the body of `target` has raised it
         name = target.__qualname__
         if target.__name__ in ("__init__", "__new__") or names[:1] == ("cls",):
             owner = getattr(args[0], "__name__", type(args[0]).__name__)
@@ -109,7 +109,7 @@ class InputError(IcpError, ValueError):
 
 
 class FileError(IcpError, OSError):
-    """A file cannot be read as what it should be. The message names the file and the field.
+    """A file cannot be read as what it should be, or cannot be written. The message names the file.
 
     Examples
     --------
@@ -120,7 +120,7 @@ class FileError(IcpError, OSError):
 
 
 class MapError(IcpError):
-    """The map ψ raised, or returned something that is not a real vector of length n.
+    """The map ψ or f, or its derivative, raised or returned something unusable, such as a vector of another shape.
 
     Examples
     --------
@@ -142,12 +142,12 @@ class NotApplicable(IcpError):
 
 
 class SingularOperator(NotApplicable):
-    """The operator X = M₁ + φ + Ω of a method is singular.
+    """A matrix that must be inverted is singular, such as X = M₁ + φ + Ω of a method or that of a derivative.
 
     Attributes
     ----------
     row : int
-        A row that causes it.
+        A row that causes it; 0 where none is known.
 
     Examples
     --------
@@ -167,7 +167,7 @@ class SingularOperator(NotApplicable):
 
 
 class OutOfTime(IcpError):
-    """A step is expected to take longer than `time_limit` leaves; the run ends with its best iterate."""
+    """A step takes, or is expected to take, longer than `time_limit` leaves; the run ends with its best iterate."""
 
 
 class OutOfMemory(IcpError, MemoryError):
@@ -200,12 +200,12 @@ class NotSolved(IcpError):
 
 
 class Interrupted(KeyboardInterrupt):
-    """Ctrl-C in a cross-check, a measurement, a program of CVXPY or `all_solutions`; it ends a script as Ctrl-C should.
+    """Ctrl-C in a cross-check, race, map, program of CVXPY or `all_solutions`; it ends a script as Ctrl-C should.
 
     Attributes
     ----------
     report : Report, Race, StabilityMap, ProgramSolution or SolutionSet
-        The results so far; the rest is marked as not done.
+        The results so far; the rest is missing or marked as not done.
 
     Examples
     --------

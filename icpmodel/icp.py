@@ -1,4 +1,4 @@
-"""The problem with its verbs: what a user states, and what he can ask of it."""
+"""The class of problems that users state, with the methods that solve and study them."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class ICP(ProblemData):
     upper : optional
         The obstacle ψ̄ above, in the same forms; +inf for none in that row, None for none at all.
     f : Affine, Elementwise, Function or callable, optional
-        The nonlinear part of p; None where p is affine. A derivative that it lacks is made by
+        The nonlinear part of p; None where p is affine. A missing derivative is approximated by
         differences.
 
     Raises
@@ -47,7 +47,7 @@ class ICP(ProblemData):
     A row without any obstacle is the equation p_i = 0. The data is copied: A becomes float64 CSR
     with every diagonal entry stored. An ICP never changes; `with_q`, `with_psi` and `with_upper`
     make new ones that share the rest. The methods `solve`, `explain` and so on are the functions of
-    the package of the same name, with the problem as first argument.
+    the same name in the package, with the problem as first argument.
 
     References
     ----------
@@ -80,7 +80,7 @@ class ICP(ProblemData):
     to_cvxpy = cvxpy.to_cvxpy
 
     def derivative(self, solution: Any) -> Derivative:
-        """Differentiate z* by A, q and ψ at a solution; `solution.derivative()` is the same.
+        """The derivative of z* with respect to A, q and ψ at a solution; `solution.derivative()` is the same.
 
         Parameters
         ----------
@@ -95,16 +95,20 @@ class ICP(ProblemData):
         Raises
         ------
         InputError
-            Where it is a solution of another problem.
+            Where `solution` is one of another problem, or not solved.
+        NotApplicable
+            Where ψ has no derivative.
+        MapError
+            Where ψ or its derivative fails.
         """
         if getattr(solution, "problem", self) is not self:
             raise InputError("solution is one of another problem object: call solution.derivative() for that one")
         return Derivative(solution)
 
-    # The rooms of these verbs stand above this one and know it, so that each is imported when it is called.
+    # The modules of the following methods import this one, so that each is imported when its method is called.
 
     def race(self, *args: Any, **options: Any) -> Any:
-        """Time this package's methods and foreign solvers against their error.
+        """Measure time against error for this package's methods and foreign solvers on this problem.
 
         Parameters
         ----------
@@ -121,7 +125,7 @@ class ICP(ProblemData):
         return race(self, *args, **options)
 
     def stability(self, plane: Any = "relaxation", **options: Any) -> Any:
-        """Map where a method converges over a plane of two parameters.
+        """Map where a method converges, over a plane of two parameters.
 
         Parameters
         ----------
@@ -140,7 +144,7 @@ class ICP(ProblemData):
         return stability(plane, self, **options)
 
     def report(self, *args: Any, **options: Any) -> Any:
-        """Make one HTML page on this problem, or write it to a file.
+        """Make one HTML page on this problem, and write it to a file if one is named.
 
         Parameters
         ----------
@@ -149,8 +153,8 @@ class ICP(ProblemData):
 
         Returns
         -------
-        str or None
-            What `icpmodel.report` returns.
+        str
+            The HTML text.
         """
         from .study import report
 
