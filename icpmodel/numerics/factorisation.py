@@ -68,6 +68,7 @@ class Factors:
 
     def product(self, B: sp.csr_array, C: sp.csr_array) -> NDArray[np.float64]:
         """BA⁻¹C, shape (k, k), for `B` of shape (k, n) and `C` of shape (n, k); raises OutOfTime and OutOfMemory."""
+        work.check_budget(memory=3.0 * work.ENTRY_BYTES * self.lu.nnz)
         work.charge_matrices(self.lu.nnz, 2)
         rows, columns = (
             perm[np.argsort(order)] for perm, order in zip((self.lu.perm_r, self.lu.perm_c), self._orders, strict=True)

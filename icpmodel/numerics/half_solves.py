@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from . import work
 from .arrays import Vector, read_only
-from .threads import one_blas_thread, run_with_deadline
+from .threads import LARGEST_RATIO, one_blas_thread, run_with_deadline
 
 #: the rows of a matrix that may be nonzero: their indices, ascending, and their entries
 HalfSolved = tuple[NDArray[np.intp], NDArray[np.float64]]
@@ -29,19 +29,20 @@ def half_solve(L: Any, rows: NDArray[np.integer], B: sp.coo_array) -> HalfSolved
     cost = work.COSTS.full_entry * width * float(np.diff(L.indptr)[reached].sum())
     work.charge(cost, 8.0 * reached.size * width)
     arrays = read_only((L.indptr, L.indices, L.data, reached, places, B.col, B.data))
-    return reached, run_with_deadline(lambda: forward_solve(*arrays, width), cost)
+    return reached, run_with_deadline(lambda: forward_solve(*arrays, width), LARGEST_RATIO * cost)
 
 
 def inner_products(left: HalfSolved, right: HalfSolved, pivots: Vector) -> NDArray[np.float64]:
     """XᵀD⁻¹Y for the matrices X, Y of `left` and `right`, and D = diag(`pivots`); raises as `half_solve` does."""
     rows, X = left
     Y = right[1]
+    work.check_budget(memory=8.0 * (X.size + 2 * Y.size))
     if right is not left:
         rows, i, j = np.intersect1d(rows, right[0], assume_unique=True, return_indices=True)
         X = X[i]
         Y = Y[j]
     cost = work.COSTS.dense_flop * rows.size * X.shape[1] * Y.shape[1]
-    work.charge(cost, 8.0 * Y.size)
+    work.charge(cost)
 
     def product() -> Any:
         with one_blas_thread():

@@ -12,7 +12,7 @@ from . import work
 from .arrays import Mask, Vector, row_of
 from .fill import Fill, factor_cost, refactor_cost, solve_cost
 from .half_solves import half_solve, inner_products
-from .threads import run_with_deadline
+from .threads import LARGEST_RATIO, run_with_deadline
 
 
 class SymmetricFactors:
@@ -83,7 +83,7 @@ class SymmetricFactors:
             return self._ldl
 
         try:
-            self._ldl = run_with_deadline(step, cost)
+            self._ldl = run_with_deadline(step, LARGEST_RATIO * cost)
         except RuntimeError:  # a pivot is 0
             self._ldl = None
         return self if self._ldl else None

@@ -21,6 +21,9 @@ THREADS_FROM = 1_000_000
 #: a function of low and high that computes the rows low <= i < high
 RowTask = Callable[[int, int], Any]
 _T = TypeVar("_T")
+#: sparse symmetric factors and half-solves in space take up to this multiple of their predicted cost: 11 was measured
+#: for n = 27 000, whose factors leave the cache
+LARGEST_RATIO = 20.0
 #: the name of the threads of such steps, which may go on when the time is over
 ABANDONED_THREAD = "icpmodel: out of time"
 #: a lock, the blocks that limit BLAS to one thread, and the limiter that restores its threads
