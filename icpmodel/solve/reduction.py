@@ -137,6 +137,9 @@ class _Parts:
     def steps(self, partition: Blocks | SchurComplement, max_rows: float = np.inf) -> Iterator[None]:
         """Solve the parts of `partition`, of at most `max_rows` each, and join their answers."""
         run = self.run
+        if run.best is None:
+            run.job = self.job
+            run.best = run.candidate(run.start, run.start_residual)
         try:
             rest: Blocks | None = None
             if isinstance(partition, SchurComplement):
@@ -166,6 +169,7 @@ class _Parts:
         run.path = iter(())
         run.tried.append(self.job)
         self.job.is_fresh = False  # it began with another problem
+        self.z = self.extend(self.z)
         if not np.isfinite(self.z).all():  # a block has overflowed
             self.z = run.start
         run.current = self.z
@@ -207,7 +211,6 @@ class _Parts:
             self.extend = lambda z: complement.extended(problem, z)
             part = self._part(complement.reduced(problem), complement.rows, self.tolerance)
             yield from self._solve(part, complement.rows)
-            self.z = self.extend(self.z)
 
     def _part(self, part: ProblemData, rows: Rows, tolerance: float) -> Run:
         """A run of `part`, whose unknowns are the `rows` of the whole; it reports its iterates to the whole run."""
