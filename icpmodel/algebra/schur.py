@@ -98,8 +98,8 @@ def elimination(problem: ProblemData, max_cost: Callable[[], float] | None) -> S
     problem : ProblemData
         The problem.
     max_cost : callable or None
-        Returns the largest cost of a new one, in nanoseconds. None stands for the cost that `count_run` has counted,
-        which a new elimination resets.
+        Returns the largest cost of a new one, in nanoseconds. None stands for four times what `count_run` has counted
+        since this was last asked, the cost of the last run.
 
     Raises
     ------
@@ -113,18 +113,16 @@ def elimination(problem: ProblemData, max_cost: Callable[[], float] | None) -> S
     key = rows.tobytes()
     known = _CACHE.get(matrix)
     if known is None or known[0] != key:
-        if elimination_cost(problem, max_cost() if max_cost else _SPENT.get(matrix, 0.0)) == np.inf:
+        if elimination_cost(problem, max_cost() if max_cost else _PROBLEMS * _LAST_COST.pop(matrix, 0.0)) == np.inf:
             return None
-        if max_cost is None:
-            del _SPENT[matrix]  # it allows one elimination only
         _CACHE.clear()
         known = _CACHE[matrix] = key, _schur_complement(matrix, rows)
     return known[1]
 
 
 def count_run(problem: ProblemData, nanoseconds: float) -> None:
-    """Add the cost of a run on `problem` without elimination to the count for its A."""
-    _SPENT[problem.matrix] = _SPENT.get(problem.matrix, 0.0) + nanoseconds
+    """Add the cost of a part of a run on `problem` without elimination to the count for its A."""
+    _LAST_COST[problem.matrix] = _LAST_COST.get(problem.matrix, 0.0) + nanoseconds
 
 
 def _schur_complement(matrix: Matrix, rows: NDArray[np.intp]) -> SchurComplement | None:
@@ -154,5 +152,7 @@ def _others(matrix: Matrix, rows: NDArray[np.intp]) -> NDArray[np.intp]:
 
 #: the last elimination only, as factors may be large
 _CACHE: WeakKeyDictionary[Matrix, tuple[bytes, SchurComplement | None]] = WeakKeyDictionary()
-#: cost so far, in nanoseconds, of runs without elimination on problems with this A
-_SPENT: WeakKeyDictionary[Matrix, float] = WeakKeyDictionary()
+#: a new elimination must cost no more than this number of runs without it
+_PROBLEMS = 4.0
+#: the cost, in nanoseconds, of the last run without elimination on a problem with this A
+_LAST_COST: WeakKeyDictionary[Matrix, float] = WeakKeyDictionary()

@@ -81,7 +81,7 @@ def select_method(
     that is expected to cost less than sweeps, `Multilevel` or `Lemke`: two factorisations of A and the calls of a
     Newton step. Where ρ > 1 nothing foretells the number of sweeps. They are tried for a quarter of that cost, and the
     rate that they show decides. In a sequence of problems with the same A the equations leave before anything else
-    where A keeps their factors, or where these cost no more than what the problems before have spent without them.
+    where A keeps their factors, or where these cost no more than four times what the problem before took.
 
     **Handing over.** From `Accelerated` on, the method with the least remaining cost runs. At first that cost is its
     estimate. A method pauses when it has spent twice its estimate, accelerated sweeps after their trial. Later it
@@ -195,7 +195,7 @@ class Ladder:
         """Add the direct methods if that is still to be done, and return the elimination of the equations if it pays.
 
         In a paused ladder a new elimination must cost less than methods without sparse factors. Before any method has
-        begun, earlier problems with the same A must have spent what it costs.
+        begun, the last problem with the same A must have taken a quarter of what it costs.
         """
         if self._add_direct in self.rungs:
             self.rungs.pop(0)()

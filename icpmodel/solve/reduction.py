@@ -2,7 +2,7 @@
 
 1. Obstacles that move with their own unknown alone are fixed, and redundant rows leave: `presolve`.
 2. If few rows have an obstacle, the rows without any are eliminated, see `algebra.schur`. This is done before the first
-   iterate if earlier problems have paid for it, otherwise before rung 4 of `select_method`.
+   iterate if the last problem with this A took a quarter as much, otherwise before rung 4 of `select_method`.
 3. The strong components of A and ψ are solved in their order: a single row by a maximum, a small block by pivots. The
    other rows fall into parts that do not interact.
 
@@ -88,7 +88,7 @@ def ladder_steps(run: Run, problem: ProblemData, family: str | None, first: Meth
 
 
 def _counted(problem: ProblemData, steps: Iterator[None]) -> Iterator[None]:
-    """Yield the `steps`, and record their cost, which can pay for an elimination in later problems with this A."""
+    """Yield the `steps`, and record their cost, which decides on an elimination in the next problem with this A."""
     before = work.counter()
     try:
         yield from steps

@@ -301,19 +301,32 @@ class TestElimination:
         assert elimination(problem, lambda: np.inf)
         assert work.counter() - before < 4.0 * least
 
-    def test_what_was_spent_pays_for_one_elimination(self):
-        """The rows with an obstacle move on, so that no factors serve twice."""
+    def test_no_elimination_follows_runs_that_cost_less(self):
+        """However many problems share A: each one would have to solve with the factors."""
         n = 1728
         line = sp.diags_array([np.full(11, -1.0), np.full(12, 2.0), np.full(11, -1.0)], offsets=[-1, 0, 1])
         one = sp.eye_array(12)
         A = sum(sp.kron(sp.kron(a, b), c) for a, b, c in ((line, one, one), (one, line, one), (one, one, line)))
-        eliminated = []
-        base = icp.ICP(sp.csr_array(A), np.full(n, 0.1), -1.0)
-        for first in range(0, 1500, 50):
-            rows = (np.arange(n) >= first) & (np.arange(n) < first + 20)
-            solution = base.with_psi(np.where(rows, -1.0, -np.inf)).solve()
-            eliminated.append("eliminated" in solution.why)
-        assert 1 <= sum(eliminated) <= 10
+        psi = np.where(np.arange(n) < 20, -1.0, -np.inf)
+        base = icp.ICP(sp.csr_array(A + 6.0 * sp.eye_array(n)), np.full(n, 0.1), psi)
+        for step in range(60):
+            assert "eliminated" not in base.with_q(np.cos(0.01 * np.arange(n) + 0.05 * step)).solve().why
+
+    @pytest.mark.parametrize("method_runs", [False, True])
+    def test_no_answer_is_worse_than_the_start_where_a_complement_is_interrupted(self, method_runs):
+        n = 2500
+        A = five_point(50, 0.0)
+        psi = np.full(n, -np.inf)
+        psi[np.random.default_rng(4).choice(n, 40, replace=False)] = 0.2
+        base = icp.ICP(sp.csr_array(A @ A), np.ones(n), psi)
+        assert "eliminated" in base.solve().why
+        problem = base.with_q(1.3 * np.ones(n))
+
+        def stop(now):
+            return not method_runs or now.iteration > 0
+
+        outcome = problem.solve(callback=stop, raise_on_failure=False)
+        assert problem.residual(outcome.z) <= problem.residual_at_0()
 
     def test_sweeps_that_diverged_do_not_stand_against_the_elimination(self):
         rng = np.random.default_rng(2)
