@@ -76,8 +76,8 @@ class Hierarchy:
     Raises
     ------
     NoHierarchy
-        Where the diagonal of A or of a coarser level is not positive; where coarsening stalls at
-        more than 512 rows; or where a coarser level overflows or has more than four times the
+        Where the diagonal of A or of a coarser level is not positive, or coarsening stalls at
+        more than 512 rows. Also where a coarser level overflows or has more than four times the
         entries of A, so that it would cost more than it helps.
     OutOfTime, OutOfMemory
         Where the setup needs more than is left.
