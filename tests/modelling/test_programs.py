@@ -189,6 +189,17 @@ def test_a_residual_that_is_rounding_ends_the_steps():
     assert icp.solve_lsq(B, [0, 8, 1, -1, 20], [-1, 2, 0, -1], [0, 3, 1, 1]).cost == pytest.approx(0.0, abs=1e-20)
 
 
+@pytest.mark.parametrize(("n", "seed"), [(36, 35), (30, 13), (30, 26)])
+def test_nearly_dependent_columns_leave_no_better_point_along_a_long_step(n, seed):
+    B = np.vander(np.linspace(0.0, 1.0, 12), n)
+    c = np.random.default_rng(seed).standard_normal(12)
+    low = np.where(np.arange(n) % 3 == 0, -np.inf, -1.0)
+    high = np.where(np.arange(n) % 4 == 0, np.inf, 1.0)
+    theirs = lsq_linear(B, c, (low, high), method="bvls", tol=1e-14, max_iter=9999)
+    x = np.clip(theirs.x, low, high)
+    assert icp.solve_lsq(B, c, low, high).cost <= 0.5 * np.sum((B @ x - c) ** 2) + 1e-6
+
+
 def test_a_cost_that_overflows_loses_no_answer():
     x, rnorm = icp.solve_nnls([[1.0]], [-1e200])
     assert (x, rnorm) == ([0.0], 1e200)

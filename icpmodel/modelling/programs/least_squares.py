@@ -8,6 +8,7 @@ Reference: Björck, Numerical Methods for Least Squares Problems (1996), section
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -16,7 +17,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from ...errors import InputError, NotSolved
+from ...errors import InputError, NotSolved, OutOfTime
 from ...numerics import work
 from ...numerics.arrays import Mask, Vector, as_truth, as_vector, inner, norm, with_entries
 from ...numerics.factorisation import largest_of_columns
@@ -201,20 +202,28 @@ def _solve(B: sp.csr_array, c: Vector, low: Vector, high: Vector, tolerance: flo
         x, violations, status, message = _by_active_set(B, c, x, low, high, tolerance)
         if status != "solver_error":
             return x, violations, 0, status, message
-    H = saddle_matrix(sp.eye_array(m, format="csr"), sp.csr_array(B.T))
+    steps = 0
+    start = x
     free = np.full(m, np.inf)
-    g = np.concatenate([-c, np.zeros(n)])
-    lb = np.concatenate([-free, low])
-    ub = np.concatenate([free, high])
-    outcome = solve_avi(H, g, lb=lb, ub=ub, tolerance=tolerance, raise_on_failure=False)
-    last = outcome.x[m:]
-    with work.work_limit(0.0 if outcome.message == INTERRUPTED else np.inf):
-        start = np.where(np.isnan(last), x, last)
+    try:
+        work.charge_matrices(m + 2 * B.nnz, 8)  # H, and what `solve_avi` reads of it
+        H = saddle_matrix(sp.eye_array(m, format="csr"), sp.csr_array(B.T))
+        g = np.concatenate([-c, np.zeros(n)])
+        lb = np.concatenate([-free, low])
+        ub = np.concatenate([free, high])
+        outcome = solve_avi(H, g, lb=lb, ub=ub, tolerance=tolerance, raise_on_failure=False)
+        steps = outcome.iterations
+        failure = outcome.status, outcome.message
+        last = outcome.x[m:]
+        if norm(c - B @ last) <= norm(c - B @ x) + tolerance * norm(c):  # not where it is NaN
+            start = last
+    except OutOfTime as error:
+        failure = "user_limit", str(error)
+    with work.work_limit(0.0 if failure[1] == INTERRUPTED else np.inf):
         x, violations, status, message = _by_active_set(B, c, start, low, high, tolerance)
-    if status == "solver_error" and not outcome.solved:
-        status = outcome.status
-        message = outcome.message
-    return x, violations, outcome.iterations, status, message
+    if status == "solver_error" and failure[0] != "optimal":
+        status, message = failure
+    return x, violations, steps, status, message
 
 
 def _is_dense(B: sp.csr_array) -> bool:
@@ -236,19 +245,23 @@ def _by_active_set(
     if _is_dense(B):
         B = B.toarray()
     at_start = norm(c - B @ x)
-    while True:
+    for tries in itertools.count(2):  # one more in each round: the last ones cost as much as those that succeeded
         r = c - B @ x
         gradient = B.T @ r
         free = ((low < x) | (gradient > 0)) & ((x < high) | (gradient < 0))
         violations = np.where(free, np.abs(gradient), 0.0)
         small = tolerance * norm(r) * columns
         rounding = gamma(sum(B.shape) + 2) * (size @ np.abs(x) + np.abs(c))
-        if (violations <= small).all() or free.size > _MAX_COLUMNS or work.seconds_left() == 0.0:
+        # where columns are nearly dependent, small gradients leave long steps to better points
+        gap = inner(violations, np.minimum(np.abs(x), np.where(gradient > 0, high - x, x - low)))
+        is_small = (violations <= small).all() and not gap > tolerance * norm(r) * norm(c)
+        if is_small or free.size > _MAX_COLUMNS or work.seconds_left() == 0.0:
             break
         # a residual that consists of rounding errors must be halved, since it might fall for ever
         enough = 0.5 * norm(r) if norm(r) <= norm(rounding) else norm(r)
         try:
-            better = next((y for y in _nearer(B, c, x, low, high, free) if norm(c - B @ y) < enough), None)
+            points = itertools.islice(_nearer(B, c, x, low, high, free), tries)
+            better = next((y for y in points if norm(c - B @ y) < enough), None)
         except KeyboardInterrupt:
             return x, violations, "user_limit", INTERRUPTED
         if better is None:
@@ -265,14 +278,17 @@ def _nearer(B: Any, c: Vector, x: Vector, low: Vector, high: Vector, free: Mask)
     """Points that may have a smaller residual than `x`. The first is a step of all `free` unknowns, clipped to bounds.
 
     The second is made by steps, which stop at bounds, of the unknowns between bounds and the one with the largest
-    gradient. Apart from rounding its residual is smaller (Lawson and Hanson 1995, chapter 23).
+    gradient. Apart from rounding its residual is smaller (Lawson and Hanson 1995, chapter 23). Where it is not, the
+    unknown with the next gradient takes its place, and so on.
     """
     r = c - B @ x
     yield np.clip(x + _step(B, r, free), low, high)
     inside = (low < x) & (x < high)
     gradient = np.where(free & ~inside, np.abs(B.T @ r), 0.0)
-    inside[np.argmax(gradient)] |= gradient.max() > 0.0
-    yield _to_bounds(B, c, x, inside, low, high)
+    for j in np.argsort(-gradient)[: max(np.count_nonzero(gradient), 1)]:
+        moved = inside.copy()
+        moved[j] |= gradient[j] > 0.0
+        yield _to_bounds(B, c, x, moved, low, high)
 
 
 def _step(B: Any, r: Vector, free: Mask) -> Vector:
@@ -308,7 +324,7 @@ def _to_bounds(B: Any, c: Vector, x: Vector, free: Mask, low: Vector, high: Vect
         with np.errstate(all="ignore"):
             share = np.where(step != 0.0, (bound - x) / step, np.inf)
         least = share.min()
-        if least >= 1.0:
+        if not least < 1.0:  # nor where it is NaN
             return np.clip(x + step, low, high)
         meets = share <= least
         x = np.where(meets, bound, x + least * step)
