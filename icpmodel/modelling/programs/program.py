@@ -2,7 +2,7 @@
 
 Find x in C = {low ≤ x ≤ high, Ex = b, Gx ≤ h} with (Hx + g)ᵀ(y − x) ≥ 0 for all y in C.
 
-A solution x, and no other, has multipliers ν and λ with
+A solution x, and no other, has multipliers ν and λ:
 
     Hx + g + Eᵀν + Gᵀλ  ⟂  low ≤ x ≤ high,       b − Ex = 0  (ν of any sign),       h − Gx ≥ 0  ⟂  λ ≥ 0.
 
