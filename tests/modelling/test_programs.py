@@ -189,6 +189,14 @@ def test_a_residual_that_is_rounding_ends_the_steps():
     assert icp.solve_lsq(B, [0, 8, 1, -1, 20], [-1, 2, 0, -1], [0, 3, 1, 1]).cost == pytest.approx(0.0, abs=1e-20)
 
 
+def test_an_inequality_that_every_choice_of_active_rows_contradicts_is_infeasible():
+    H = [[3, 2, 0, -2], [1, 0, 1, 2], [3, -3, -1, -1], [2, 1, 1, 2]]
+    bounds = {"lb": [0, 1, -np.inf, -1], "ub": [2, np.inf, 0, 2]}
+    outcome = icp.solve_avi(H, [-1, -4, 1, -3], **bounds, raise_on_failure=False)
+    assert outcome.status == "infeasible"
+    assert outcome.conditions.solve(raise_on_failure=False).infeasible.holds
+
+
 @pytest.mark.parametrize(("n", "seed"), [(36, 35), (30, 13), (30, 26)])
 def test_nearly_dependent_columns_leave_no_better_point_along_a_long_step(n, seed):
     B = np.vander(np.linspace(0.0, 1.0, 12), n)

@@ -146,6 +146,8 @@ class ProgramRun:
         known = solution.infeasible
         if known is not None and known.witness is not None:
             return self._proof(np.array([float(weight) for weight in known.witness]))
+        if known is not None and known.holds:  # every choice of active rows was excluded
+            return self._infeasible_or_unbounded("", "proved")
         return self._proof(self._least_violation(self.problem))
 
     def _least_violation(self, problem: ProblemData, **limit: int) -> Vector:
