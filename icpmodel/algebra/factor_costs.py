@@ -123,7 +123,7 @@ def system_cost(matrix: Matrix, factors: float) -> tuple[float, float]:
 
 def newton_cost(facts: Facts) -> float:
     """The cost of a Newton step without the solution of its equations, in nanoseconds."""
-    return work.newton(facts.matrix.n, facts.entries, mixed=not facts.psi.is_constant)
+    return work.newton_cost(facts.matrix.n, facts.entries, mixed=not facts.psi.is_constant)
 
 
 def interior_cost(facts: Facts) -> float:

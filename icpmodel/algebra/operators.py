@@ -71,7 +71,7 @@ class AOROperator(Operator):
 
         A = self.A
         out = np.empty(f.size)
-        work.count(work.product(f.size, A.nnz))
+        work.count(work.product_cost(f.size, A.nnz))
         substitute(A.indptr, self._diag, A.indices, A.data, self.tau, self.inverse, f, out)
         return out
 

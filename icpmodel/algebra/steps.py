@@ -55,7 +55,7 @@ def compiled_step(problem: ProblemData, parameters: tuple[Any, ...], forward: bo
     compiled_psi = read_only(_compiled_obstacle(psi))
     rows = read_only((A.indptr, A.indices, A.data, problem.matrix.rows.diag, problem.matrix.row_weights, problem.q))
     parameters = read_only(parameters)
-    sweep_cost = work.sweep(problem.n, problem.facts.entries)
+    sweep_cost = work.sweep_cost(problem.n, problem.facts.entries)
 
     def step(z: Vector) -> tuple[Vector, float]:
         work.count(sweep_cost)

@@ -324,7 +324,7 @@ class NewtonPath(Iterator[Iterate]):
         self.descents += 1
         if self.descents > MAX_DESCENTS:
             return None
-        work.count(work.newton(self.problem.n, self.problem.facts.entries, mixed=True))
+        work.count(work.newton_cost(self.problem.n, self.problem.facts.entries, mixed=True))
         return self.descend(best, best)
 
     def descend(self, start: NewtonPoint, model: NewtonPoint) -> NewtonPoint | None:

@@ -236,7 +236,7 @@ class Tridiagonal(Shortcut):
         free = free_rows(*matrix, q, c)
         for number in range(MAX_ROUNDS if top is None else 2):
             candidate, ended = newton(*matrix, q, c, top, obstacle, free, STEPS_PER_ROUND)
-            work.count(work.sweep(problem.n, problem.nnz))
+            work.count(work.sweep_cost(problem.n, problem.nnz))
             if np.isfinite(candidate).all():
                 z = candidate
                 yield z, None
@@ -244,7 +244,7 @@ class Tridiagonal(Shortcut):
                 break
             if top is not None and number == 0:
                 alternate(*matrix, q, c, top, MAX_ROUNDS, STEPS_PER_ROUND, obstacle, free)
-                work.count(2.0 * MAX_ROUNDS * work.sweep(problem.n, problem.nnz))
+                work.count(2.0 * MAX_ROUNDS * work.sweep_cost(problem.n, problem.nnz))
         for _ in range(_REFINEMENTS if ended == SETTLED else 0):
             z = refine(*matrix, q, free, z)
             yield z, None

@@ -129,7 +129,7 @@ def balanced(A: sp.csr_array) -> Vector:
     roots = np.ones(A.shape[0])
     with np.errstate(all="ignore"):
         for _ in range(_MAX_PASSES):
-            work.charge(2.0 * work.product(A.shape[0], sizes.nnz))
+            work.charge(2.0 * work.product_cost(A.shape[0], sizes.nnz))
             mean = roots * (squares @ roots**-2.0) / (sizes @ (1.0 / roots))
             before = roots
             roots = np.clip(np.sqrt(np.where(mean > 0.0, mean, 1.0)), 1.0 / _MAX_WEIGHT, _MAX_WEIGHT)

@@ -330,7 +330,7 @@ class SymbolicAnalysis:
         n = A.shape[0]
         if n <= _SMALL_GRAPH or A.nnz <= _THIN_DEGREE * n:
             return None
-        work.charge(4.0 * work.product(n, A.nnz))
+        work.charge(4.0 * work.product_cost(n, A.nnz))
         widest = _widest_layer(A)
         front = widest + np.count_nonzero(~is_thin)
         rough = Fill(is_thin.size, front**2, front**3 / 3.0, False, symmetric=self.signs is not None)

@@ -71,7 +71,7 @@ def conjugate_residuals(M: sp.csr_array, f: Vector, max_steps: int, tolerance: f
 
 def gcr_step_cost(n: int, nnz: int) -> float:
     """The cost of a step of `GCR` without a preconditioner: a product, eight calls, and 48 passes over vectors."""
-    return work.product(n, nnz) + 8 * work.COSTS.call + 48.0 * work.COSTS.vector * n
+    return work.product_cost(n, nnz) + 8 * work.COSTS.call + 48.0 * work.COSTS.vector * n
 
 
 class GCR:

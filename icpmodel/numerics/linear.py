@@ -28,7 +28,7 @@ from .factorisation import array_factors, dense_factors, factorise, largest_of_c
 from .fill import SymbolicAnalysis, dense_cost, factor_cost
 from .krylov import conjugate_residuals, gcr_step_cost
 from .rounding import SQRT_EPSILON
-from .work import check_budget, count, product
+from .work import check_budget, count, product_cost
 
 
 class Solver(Protocol):
@@ -228,7 +228,7 @@ def _with_refinement(M: sp.csr_array, units: Vector, by_factors: Solver) -> Solv
         refined = None
         before = norm(unit * x)
         while True:
-            count(product(f.size, M.nnz))
+            count(product_cost(f.size, M.nnz))
             step = by_factors(f - matrix @ x, tolerance, transposed)
             if step is None or not (size := norm(unit * step)) <= _MAX_CORRECTION * before:
                 return refined  # the best x that rounding allows, if any

@@ -107,7 +107,7 @@ def counter() -> float:
     return _counted.total
 
 
-def product(n: int, nnz: int) -> float:
+def product_cost(n: int, nnz: int) -> float:
     """The cost of A @ z, the unit of all estimates."""
     return COSTS.call + COSTS.row * n + COSTS.entry * entries(n, nnz)
 
@@ -122,12 +122,12 @@ def charge_matrices(nnz: int, matrices: int = 1) -> None:
     charge(matrices * (COSTS.assembly + COSTS.assembly_entry * nnz))
 
 
-def sweep(n: int, nnz: int) -> float:
+def sweep_cost(n: int, nnz: int) -> float:
     """The cost of one compiled sweep."""
     return COSTS.call + COSTS.sweep_row * n + COSTS.sweep_entry * entries(n, nnz)
 
 
-def newton(n: int, nnz: int, mixed: bool) -> float:
+def newton_cost(n: int, nnz: int, mixed: bool) -> float:
     """The cost of a Newton step without the solution of its equations; `mixed`: these combine A and ψ′."""
     cost = COSTS.newton + COSTS.newton_row * n + COSTS.newton_entry * nnz
     return cost + (COSTS.mixed + COSTS.mixed_entry * nnz if mixed else 0.0)

@@ -148,7 +148,7 @@ class Matrix(ReadOnly):
     def _measure(self, A: Any) -> None:
         self.n: int = A.shape[0]
         #: the cost of a product with A in nanoseconds: the unit of all estimates
-        self.product_cost = work.product(self.n, A.size)
+        self.product_cost = work.product_cost(self.n, A.size)
 
     @cached_property
     def sparse(self) -> sp.csr_array:

@@ -74,7 +74,7 @@ def _sweeps(method: Method, facts: Facts, target_reduction: float) -> Estimate:
     """
     n = facts.matrix.n
     costs = work.COSTS
-    step = costs.iterate + work.sweep(n, facts.entries)
+    step = costs.iterate + work.sweep_cost(n, facts.entries)
     omega = method.of.omega if isinstance(method, Accelerated) and isinstance(method.of, PSOR) else 1.0
     log_reduction = sor_log_reduction(omega, max(facts.matrix.coupled_radius, facts.coupling))
     vectors = 0.0
@@ -126,7 +126,7 @@ def _multilevel(facts: Facts, target_reduction: float = RTOL) -> Estimate:
     n = matrix.n
     python = 0.5 * work.COSTS.newton
     cycle = cycle_cost(n, matrix.nnz)
-    step = python + SWEEPS * work.sweep(n, facts.entries)
+    step = python + SWEEPS * work.sweep_cost(n, facts.entries)
     setup = hierarchy_cost(n, matrix.nnz)
     if facts.has_fixed_obstacle:
         # two steps on each level that is not small; these levels together have about as many entries as the finest one.

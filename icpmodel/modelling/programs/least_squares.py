@@ -198,7 +198,7 @@ def _solve(B: sp.csr_array, c: Vector, low: Vector, high: Vector, tolerance: flo
     m, n = B.shape
     x = np.clip(0.0, low, high)
     # if B is dense, or an orthogonal factorisation costs no more than a Newton step of the ICP without its factors
-    if _is_dense(B) or _step_cost(m, n) <= work.newton(m + n, m + n + 2 * B.nnz, mixed=False):
+    if _is_dense(B) or _step_cost(m, n) <= work.newton_cost(m + n, m + n + 2 * B.nnz, mixed=False):
         x, violations, status, message = _by_active_set(B, c, x, low, high, tolerance)
         if status != "solver_error":
             return x, violations, 0, status, message

@@ -257,7 +257,7 @@ def radius(T: HomogeneousMap, starts: Iterable[Vector], target: float = 0.0) -> 
 
 
 def _cost(T: HomogeneousMap) -> float:
-    return 2.0 * work.product(0, T.entries)
+    return 2.0 * work.product_cost(0, T.entries)
 
 
 def _quotient(T: HomogeneousMap, v: Vector) -> tuple[float, Vector]:

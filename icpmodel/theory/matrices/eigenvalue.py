@@ -76,7 +76,7 @@ def largest_above(N: sp.csr_array) -> float:
     T = sp.csr_array(0.5 * (N + N.T))
     v = np.ones(T.shape[0])
     for _ in range(_MAX_STEPS):
-        work.charge(work.product(v.size, T.nnz))
+        work.charge(work.product_cost(v.size, T.nnz))
         w = T @ v
         largest = float(w.max())
         if not 0 < largest < np.inf:

@@ -147,7 +147,7 @@ def _candidates(S: sp.csr_array, block: NDArray[np.int32], count: int) -> Iterat
     """Yield (name, vector): vectors that may prove or disprove it, cheapest first."""
     diagonal = S.diagonal()
     x = np.ones(S.shape[0])
-    step_cost = 3 * work.product(x.size, S.nnz)
+    step_cost = 3 * work.product_cost(x.size, S.nnz)
 
     def image(x: Vector) -> Vector:
         work.charge(step_cost)
