@@ -417,4 +417,4 @@ class ComposedMap(Map):
         return ComposedMap(self.psi, self.P @ P, inner, selected, factor * self.factor)
 
     def __repr__(self) -> str:
-        return f"Substituted({self.psi!r})"
+        return f"ComposedMap({self.psi!r})"
