@@ -40,7 +40,7 @@ _MIN_FORCING = 1e-4
 #: (Grippo and others 1986)
 _NONMONOTONE_STEPS = 5
 #: the number in place of 1 − σt in this test for a second step by the same tangent
-_SECOND_STEP_LENGTH = 0.5
+_SECOND_STEP_SHARE = 0.5
 #: the number of methods by sweeps with which a ladder begins
 _SWEEP_METHODS = 2
 #: the range of log₁₀ of the size of random starts, relative to the largest entry of D⁻¹(q + f(z⁰)), ψ(z⁰) and z⁰, or
@@ -299,7 +299,7 @@ class _Search:
         if new is not None:
             q = linear.q + new.p + W * step - linear.p(z)
             again = self._solve_tangent(linear.with_q(q), z, tolerance) if np.isfinite(q).all() else None
-            yield _SECOND_STEP_LENGTH, None if again is None else self.path.point(again)
+            yield _SECOND_STEP_SHARE, None if again is None else self.path.point(again)
         yield np.inf, self._with_active_set(linear)
         for k in range(1, MAX_HALVINGS):
             yield 1.0 - ARMIJO * 0.5**k, self.path.point(self.current.z + 0.5**k * step)
