@@ -186,7 +186,8 @@ def _hierarchy(matrix: DistributedMatrix) -> list[tuple[Any, Any]]:
     count = pc.getMGLevels()
     levels = [(pc.getMGSmoother(k).getOperators()[0], pc.getMGInterpolation(k + 1)) for k in range(count - 2, -1, -1)]
     pc.destroy()
-    not_positive = any((mat.getDiagonal().array_r <= 0).any() for mat, _ in levels)
+    diagonals = [mat.getDiagonal().array_r for mat, _ in levels]  # collective: of all levels on every rank
+    not_positive = any((diagonal <= 0).any() for diagonal in diagonals)
     return [] if anywhere(matrix.comm, not_positive) else levels
 
 
