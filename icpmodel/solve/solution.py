@@ -365,10 +365,10 @@ class Solution(ReadOnly, Plottable):
         Derivative
             The derivative.
 
-        Notes
-        -----
-        This calls a method of `ICP`, which the problem of a row of `solve_many` does not have.
-        `icpmodel.Derivative` takes such a row.
+        Raises
+        ------
+        InputError
+            For a row of `solve_many`, which `icpmodel.Derivative` takes.
 
         Examples
         --------
@@ -376,6 +376,8 @@ class Solution(ReadOnly, Plottable):
         array([-0.5])
         """
         problem: Any = self.problem
+        if not hasattr(problem, "derivative"):
+            raise InputError("a row of solve_many has no derivative(): icpmodel.Derivative(solution) takes the row")
         return problem.derivative(self)
 
     def _closer(self, z: Vector) -> bool:

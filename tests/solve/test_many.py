@@ -368,3 +368,11 @@ def test_each_row_starts_at_its_own_z0_where_there_are_several_solutions():
     starts = np.array([[1.0, 0.0], [0.0, 1.0]])
     many = icp.solve_many(A, -np.ones((2, 2)), Z0=starts)
     assert many.Z.tolist() == starts.tolist()
+
+
+def test_a_row_says_what_differentiates_it():
+    A = np.array([[2.0, -1.0], [-1.0, 2.0]])
+    row = icp.solve_many([A, A], [[-1.0, 3.0], [1.0, 2.0]])[0]
+    with pytest.raises(icp.InputError, match=r"icpmodel\.Derivative\(solution\)"):
+        row.derivative()
+    assert icp.Derivative(row).forward(dq=[1.0, 0.0]) == pytest.approx([-0.5, 0.0])
