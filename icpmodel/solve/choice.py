@@ -226,7 +226,7 @@ class Ladder:
         """Add rungs until a job is to run, and return it; None if no job is left or the ladder is paused."""
         self.is_paused = False
         while not self.is_paused:
-            if not self.rungs and self.family is None and self.problem.n <= MAX_UNKNOWNS:
+            if not self.rungs and not self.family and self.problem.n <= MAX_UNKNOWNS:
                 self.jobs = [job for job in self.jobs if job.work_done < job.max_cost]
             least = min(self.jobs, key=lambda job: job.remaining, default=None)
             if not self.rungs or (least and least.remaining <= self.floor):
@@ -268,7 +268,7 @@ class Ladder:
         rules: list[list[Method]] = [[Tridiagonal()]]
         if problem.n <= PIVOT_UP_TO:
             rules = [[Lemke(), Restarts(tries=TRIES), Enumerate()], [Josephy()], *rules]
-        for methods in rules if self.family is None else ():
+        for methods in () if self.family else rules:
             why_not = methods[0].why_not(problem)
             if not why_not:
                 why = "A is tridiagonal" if methods == rules[-1] else f"n = {problem.n} is small"
@@ -288,13 +288,14 @@ class Ladder:
 
     def _add_lemke(self) -> None:
         """Begin `Lemke` if it costs no more than sweeps and their trial, or than other methods without any fill."""
-        limit = least_direct_cost(self.problem.facts, "modulus")
         if self._add_psor in self.rungs:
             # accelerated ones cost about twice as much
             trial = (STEPS_PER_RATE + 2 * _ACCELERATED_SWEEPS) * self._estimate(PSOR()).step
             limit = min(trial, self._estimate(self._accelerated()).total)
-        for job in self._estimate_jobs([] if self.family else [Lemke()]):
-            if job.remaining <= limit:
+        else:
+            limit = least_direct_cost(self.problem.facts, "modulus")
+        if not self.family and self._estimate(Lemke()).total <= limit:
+            for job in self._estimate_jobs([Lemke()]):
                 self._begin_early(job, job.remaining)
 
     def _add_psor(self) -> None:
@@ -365,7 +366,7 @@ class Ladder:
         rungs: list[list[Method]] = [[Newton()], [Multilevel()], [Proximal()], [Interior()]]
         if self.family == "paper":
             rungs = [[MNMMOD(theta1=AUTO)]]
-        elif self.family is None:
+        elif not self.family:
             rungs[0] += [Lemke(), Restarts(tries=TRIES)]
         self.others = list(map(self._estimate_jobs, rungs))
         for job in self.early:
