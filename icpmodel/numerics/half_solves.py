@@ -36,13 +36,13 @@ def inner_products(left: HalfSolved, right: HalfSolved, pivots: Vector) -> NDArr
     """XᵀD⁻¹Y for the matrices X, Y of `left` and `right`, and D = diag(`pivots`); raises as `half_solve` does."""
     rows, X = left
     Y = right[1]
-    work.check_budget(memory=8.0 * (X.size + 2 * Y.size))
     if right is not left:
+        work.check_budget(memory=8.0 * (X.size + Y.size))  # of the copies
         rows, i, j = np.intersect1d(rows, right[0], assume_unique=True, return_indices=True)
         X = X[i]
         Y = Y[j]
     cost = work.COSTS.dense_flop * rows.size * X.shape[1] * Y.shape[1]
-    work.charge(cost)
+    work.charge(cost, 8.0 * Y.size)
 
     def product() -> Any:
         with one_blas_thread():
