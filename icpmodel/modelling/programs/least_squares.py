@@ -202,28 +202,32 @@ def _solve(B: sp.csr_array, c: Vector, low: Vector, high: Vector, tolerance: flo
         x, violations, status, message = _by_active_set(B, c, x, low, high, tolerance)
         if status != "solver_error":
             return x, violations, 0, status, message
-    steps = 0
-    start = x
-    free = np.full(m, np.inf)
-    try:
-        work.charge_matrices(m + 2 * B.nnz, 8)  # H, and what `solve_avi` reads of it
-        H = saddle_matrix(sp.eye_array(m, format="csr"), sp.csr_array(B.T))
-        g = np.concatenate([-c, np.zeros(n)])
-        lb = np.concatenate([-free, low])
-        ub = np.concatenate([free, high])
-        outcome = solve_avi(H, g, lb=lb, ub=ub, tolerance=tolerance, raise_on_failure=False)
-        steps = outcome.iterations
-        failure = outcome.status, outcome.message
-        last = outcome.x[m:]
-        if norm(c - B @ last) <= norm(c - B @ x) + tolerance * norm(c):  # not where it is NaN
-            start = last
-    except OutOfTime as error:
-        failure = "user_limit", str(error)
+    last, steps, *failure = _by_conditions(B, c, low, high, tolerance)
+    if norm(c - B @ last) <= norm(c - B @ x) + tolerance * norm(c):  # not where it is NaN
+        x = last
     with work.work_limit(0.0 if failure[1] == INTERRUPTED else np.inf):
-        x, violations, status, message = _by_active_set(B, c, start, low, high, tolerance)
+        x, violations, status, message = _by_active_set(B, c, x, low, high, tolerance)
     if status == "solver_error" and failure[0] != "optimal":
         status, message = failure
     return x, violations, steps, status, message
+
+
+def _by_conditions(
+    B: sp.csr_array, c: Vector, low: Vector, high: Vector, tolerance: float
+) -> tuple[Vector, int, str, str]:
+    """Solve the ICP in r and x; return x, which may be NaN, the steps, the status and the message."""
+    m, n = B.shape
+    try:
+        work.charge_matrices(m + 2 * B.nnz, 8)  # H, and what `solve_avi` reads of it
+    except OutOfTime as error:
+        return np.full(n, np.nan), 0, "user_limit", str(error)
+    H = saddle_matrix(sp.eye_array(m, format="csr"), sp.csr_array(B.T))
+    free = np.full(m, np.inf)
+    g = np.concatenate([-c, np.zeros(n)])
+    lb = np.concatenate([-free, low])
+    ub = np.concatenate([free, high])
+    outcome = solve_avi(H, g, lb=lb, ub=ub, tolerance=tolerance, raise_on_failure=False)
+    return outcome.x[m:], outcome.iterations, outcome.status, outcome.message
 
 
 def _is_dense(B: sp.csr_array) -> bool:
@@ -278,7 +282,7 @@ def _nearer(B: Any, c: Vector, x: Vector, low: Vector, high: Vector, free: Mask)
     """Points that may have a smaller residual than `x`. The first is a step of all `free` unknowns, clipped to bounds.
 
     The second is made by steps, which stop at bounds, of the unknowns between bounds and the one with the largest
-    gradient. Apart from rounding its residual is smaller (Lawson and Hanson 1995, chapter 23). Where it is not, the
+    gradient. Up to rounding its residual is smaller (Lawson and Hanson 1995, chapter 23). Where it is not, the
     unknown with the next gradient takes its place, and so on.
     """
     r = c - B @ x
