@@ -98,8 +98,8 @@ def elimination(problem: ProblemData, max_cost: Callable[[], float] | None) -> S
     problem : ProblemData
         The problem.
     max_cost : callable or None
-        Returns the largest cost of a new one, in nanoseconds. None stands for four times what `count_run` has counted
-        since this was last asked, the cost of the last run.
+        Returns the largest cost of a new one, in nanoseconds. None stands for four times what `record_run` recorded
+        for the last run.
 
     Raises
     ------
@@ -113,16 +113,16 @@ def elimination(problem: ProblemData, max_cost: Callable[[], float] | None) -> S
     key = rows.tobytes()
     known = _CACHE.get(matrix)
     if known is None or known[0] != key:
-        if elimination_cost(problem, max_cost() if max_cost else _PROBLEMS * _LAST_COST.pop(matrix, 0.0)) == np.inf:
+        if elimination_cost(problem, max_cost() if max_cost else _PROBLEMS * _LAST_COST.get(matrix, 0.0)) == np.inf:
             return None
         _CACHE.clear()
         known = _CACHE[matrix] = key, _schur_complement(matrix, rows)
     return known[1]
 
 
-def count_run(problem: ProblemData, nanoseconds: float) -> None:
-    """Add the cost of a part of a run on `problem` without elimination to the count for its A."""
-    _LAST_COST[problem.matrix] = _LAST_COST.get(problem.matrix, 0.0) + nanoseconds
+def record_run(problem: ProblemData, nanoseconds: float) -> None:
+    """Record the cost of a run on `problem` without elimination, which decides on one in the next with the same A."""
+    _LAST_COST[problem.matrix] = nanoseconds
 
 
 def _schur_complement(matrix: Matrix, rows: NDArray[np.intp]) -> SchurComplement | None:

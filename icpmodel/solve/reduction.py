@@ -24,7 +24,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..algebra.schur import SchurComplement, count_run
+from ..algebra.schur import SchurComplement, record_run
 from ..algebra.subproblems import Blocks, Rows, blocks, restricted, with_fixed_obstacle, without_redundant_rows
 from ..errors import MapError, OutOfTime
 from ..methods.contract import Infeasible, Method
@@ -73,27 +73,23 @@ def ladder_steps(run: Run, problem: ProblemData, family: str | None, first: Meth
     reduces = family != "paper"
     ladder = Ladder(problem, run.target_reduction, family, first, run.warm_start, reduces)
     complement = ladder.complement()
-    if complement is not None:
-        yield from _Parts(run, problem, family).steps(complement)
-    if not run.is_over:
-        yield from _counted(problem, run.steps(ladder))
-    if not ladder.is_paused or run.is_over:
-        return
-    if complement is None and (complement := ladder.complement()) is not None:
-        yield from _Parts(run, problem, family).steps(complement)
-    if not run.is_over:
-        yield from solve_parts(run, problem, family)
-    if not run.is_over:
-        yield from _counted(problem, run.steps(ladder))
-
-
-def _counted(problem: ProblemData, steps: Iterator[None]) -> Iterator[None]:
-    """Yield the `steps`, and record their cost, which decides on an elimination in the next problem with this A."""
     before = work.counter()
     try:
-        yield from steps
+        if complement is not None:
+            yield from _Parts(run, problem, family).steps(complement)
+        if not run.is_over:
+            yield from run.steps(ladder)
+        if not ladder.is_paused or run.is_over:
+            return
+        if complement is None and (complement := ladder.complement()) is not None:
+            yield from _Parts(run, problem, family).steps(complement)
+        if not run.is_over:
+            yield from solve_parts(run, problem, family)
+        if not run.is_over:
+            yield from run.steps(ladder)
     finally:
-        count_run(problem, work.counter() - before)
+        if complement is None:
+            record_run(problem, work.counter() - before)
 
 
 def solve_parts(run: Run, problem: ProblemData, family: str | None = None, share: float = _MAX_PART) -> Iterator[None]:
