@@ -25,7 +25,7 @@ class ContactState(ReadOnly, Displayable):
     velocities : ndarray, shape (n,)
         w = Az − b after the impulses.
     separating : ndarray of bool, shape (n,)
-        Normal rows without impulse that move apart, and the friction rows of these contacts.
+        Normal rows without impulse that separate, and the friction rows of these contacts.
     sticking : ndarray of bool, shape (n,)
         Friction rows of touching contacts that do not move along the row.
     sliding : ndarray of bool, shape (n,)

@@ -25,7 +25,7 @@ Name = TypeVar("Name", bound=Hashable)
 #: a matplotlib figure: matplotlib is loaded when the first one is drawn
 Figure = Any
 
-#: colours that colour-blind readers can tell apart: Okabe and Ito, Color Universal Design (2008)
+#: colours that colour-blind readers can distinguish: Okabe and Ito, Color Universal Design (2008)
 BLUE = "#0072B2"
 ORANGE = "#D55E00"
 GREEN = "#009E73"
